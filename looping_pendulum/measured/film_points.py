@@ -26,7 +26,7 @@ MAX_RECORD_SIZE = 64 * 1024**2
 
 
 class TrackingNeededError(DataError):
-    """A film has no points with what is stated; the message says why, what tracking costs, and what to type."""
+    """A film has no points with what is stated; the message says why, and what to type."""
 
 
 def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any) -> Observations:
@@ -94,10 +94,8 @@ def read_track(film: Path, stated: Mapping[str, float]) -> FilmTrack:
         f"{name.replace('_', ' ')}: tracked with {_shown(name, getattr(settings, name))}, now {_shown(name, stated[name])}"
         for name in differing
     )
-    from looping_pendulum.measured.film.decode import cost_in_words
-
     again = " again" if differing else ""
-    raise TrackingNeededError(f"{film}: {why}; track it{again} ({cost_in_words(film)}): {_command(film, stated, settings)}")
+    raise TrackingNeededError(f"{film}: {why}; track it{again}: {_command(film, stated, settings)}")
 
 
 def settle_film(film: Path, stated: Mapping[str, float], *, track: bool, progress: ReportShare | None = None) -> FilmTrack:

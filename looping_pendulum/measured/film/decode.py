@@ -93,11 +93,6 @@ ALIKE = 0.03
 """Distance from the median ratio up to which a block shows the light, and no thing."""
 TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, -90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, -180: cv2.ROTATE_180}
 """Angle by which a stored picture is turned to be upright, counterclockwise [deg] -> how."""
-START_TIME, TIME_PER_PIXEL, SLOWER = 4.5, 4e-9, 2.0
-"""Of tracking: time to begin with [s], time for each pixel of each frame [s], and by how much another machine may be slower.
-
-Of 2026-11-28, on one core of two: 93 frames of 720p took 5.0 s, 387 frames 6.0 to 7.4 s.
-"""
 
 
 class Picture(NamedTuple):
@@ -460,17 +455,3 @@ def _even_times(clock: Array, tick: float, stated: float | None) -> Array:
             if np.ptp(beside) <= TICK_SPREAD * tick:
                 return np.asarray(number / rate + 0.5 * (beside.min() + beside.max()))
     return clock
-
-
-def cost_in_words(path: str | Path) -> str:
-    """Return how long tracking a film takes, by its header, in words: "some 6 to 12 s"."""
-    try:
-        film = OpenFilm(os.fspath(path))
-    except FilmError:  # refused with its reason when it is read
-        return "some seconds"
-    with film.container:
-        frames = film.stream.frames
-        if not frames and film.container.duration and film.stream.average_rate:
-            frames = int(film.container.duration / av.time_base * film.stream.average_rate)
-        seconds = START_TIME + TIME_PER_PIXEL * frames * film.stream.width * film.stream.height
-    return f"some {seconds:.0f} to {SLOWER * seconds:.0f} s" if frames else "some seconds for each second of the film"
