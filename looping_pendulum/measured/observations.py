@@ -295,21 +295,6 @@ def mirrored(observations: Observations) -> Observations:
     return replace(observations, channels=channels)
 
 
-def with_event_errors(observations: Observations, errors: dict[str, float]) -> Observations:
-    """Return a copy whose events have the standard errors given for their SI unit, for example ``{"s": 0.008}``.
-
-    Raises
-    ------
-    DataError
-        If a standard error is not a finite number above 0.
-    """
-    for unit, sigma in errors.items():
-        if not (math.isfinite(sigma) and sigma > 0):
-            raise DataError(f"event error in {unit}: found {sigma}, needed a number above 0")
-    events = tuple(replace(e, sigma=errors.get(e.unit, e.sigma)) for e in observations.events)
-    return replace(observations, events=events)
-
-
 MAX_RATE_AT_REST = 0.05
 """Largest angular velocity of a pendulum that a hand holds still, as a part of the largest one of the record."""
 MIN_REST = 0.25
