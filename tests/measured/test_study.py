@@ -20,7 +20,6 @@ from looping_pendulum.measured.study_io import StudyError, dump, load, load_text
 from looping_pendulum.reference_ode.effects import LIBRARY, EffectKind
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.units import show
-from tests.apparatus import sampler
 from tests.discrepancy.real_data import real
 from tests.fuzz.judging import time_limit
 
@@ -399,7 +398,7 @@ trials:
 
     def miss(offset):
         camera = Camera(origin_y=priors["origin_y"].value, clock_offset=offset)
-        prediction = predict(sampler(study.parameters({}, one)), camera, observations.channels, dropped=one.dropped)
+        prediction = predict(study.parameters({}, one), camera, observations.channels, dropped=one.dropped)
         return float(np.sqrt(np.mean((prediction["height"] - height.value) ** 2)))
 
     assert min(miss(offset) for offset in np.linspace(-0.2, 0.1, 31)) < 0.5
@@ -423,7 +422,7 @@ trials:
     trial = study.trials[0]
     observations = read_files(study.folder, trial)
     assert set(study.camera_priors(trial, observations)) == {"clock_offset", "clock_ratio", "tilt"}
-    prediction = predict(sampler(study.parameters({}, trial)), Camera(), observations.channels)
+    prediction = predict(study.parameters({}, trial), Camera(), observations.channels)
     assert np.all(np.isfinite(prediction["angle"]))
     # The first swing, before drag counts: the same period and side.
     first = observations.channel("angle").t < 1.2
