@@ -119,6 +119,8 @@ class DelimitedText:
     """Lines that began with a sign of comments, without it."""
     lines: Sequence[TableLine]
     """All other lines that are not empty."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what was used and what was left out, of a file from which the table was made."""
 
     def error(self, line: int | None, column: str, message: str, way_out: WayOut | None = None) -> DataError:
         """Return an error about a place in the file."""

@@ -48,13 +48,11 @@ from looping_pendulum.measured.tables.forms import (
     si_factor,
     tracked_objects,
     tracks_of,
-    unit_factor,
 )
 from looping_pendulum.measured.tables.names import CLOCK_ROLES, ERROR_SUFFIX, PIXELS, Column
 from looping_pendulum.measured.tables.times import MAX_FRAME_RATE, Sheet, timed_channels
 from looping_pendulum.measured.tables.tracker_project import (
     LARGEST_ARCHIVE,
-    TrackerProject,
     is_named_project,
     is_project,
     read_project,
@@ -137,13 +135,11 @@ def read(
     parsed = _parsed(path, file) if content is None else read_text(content.encode(), file)
     if proposes:
         tracks, stated = _proposals(parsed, tracks, stated, notes)
-    if isinstance(parsed, TrackerProject):
-        sheets = _project_sheets(parsed, file, tracks, stated.units, notes)
-    elif kind == "events" or (kind == "auto" and is_event_table(parsed)):
+    if kind == "events" or (kind == "auto" and is_event_table(parsed)):
         return read_events(parsed, name)
-    else:
-        columns = _of_one_run(parsed, read_columns(parsed, kind, list((tracks or {}).values()), notes), run)
-        sheets = _sheets(parsed, columns, tracks, stated, notes)
+    notes.assumptions += parsed.notes
+    columns = _of_one_run(parsed, read_columns(parsed, kind, list((tracks or {}).values()), notes), run)
+    sheets = _sheets(parsed, columns, tracks, stated, notes)
     for sheet in sheets:
         _refuse_implausible_values(sheet)
     channels = timed_channels(sheets, stated, notes)
@@ -160,8 +156,8 @@ def read(
     )
 
 
-def _parsed(path: str | Path, file: str) -> TrackerProject | DelimitedText:
-    """Return the content of a file: a project of Tracker, by its name or content, or a text table."""
+def _parsed(path: str | Path, file: str) -> DelimitedText:
+    """Return the table in a file, which is a project of Tracker, by its name or content, or a text."""
     # A project may hold the film
     raw = read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
     return read_project(raw, file) if is_named_project(file) or is_project(raw) else read_text(raw, file)
@@ -432,31 +428,6 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
     return {track: mass for mass, track in tracks.items()}
 
 
-def _project_sheets(
-    project: TrackerProject, file: str, tracks: Mapping[str, str] | None, units: Mapping[str, str], notes: ReadingNotes
-) -> list[Sheet]:
-    """Return the channels of a project of Tracker."""
-    notes.assumptions += project.notes
-    factor = unit_factor(file, None, "", project.length_unit, "m", units)
-    masses = _mass_of_track(file, project.tracks, tracks)
-    notes.tracks = {mass: track for track, mass in masses.items()}
-    notes.length_unit = "" if project.length_unit in PIXELS else project.length_unit
-    sheets = []
-    for track in project.tracks:
-        if track.name not in masses:
-            notes.unused[f"track {track.name!r}: not asked for"] += 2 * len(track.frame)
-            continue
-        none = np.zeros(len(track.frame))
-        channels = {
-            f"{masses[track.name]}_{axis}": Column(label=f"{axis} ({track.name})", value=value, factor=factor)
-            for axis, value in (("x", track.x), ("y", track.y))
-        }
-        time = project.frame_time[track.frame]
-        frame = track.frame.astype(float)
-        sheets.append(Sheet(file=file, clock="t", lines=track.frame, time=time, rounding=none, frame=frame, channels=channels))
-    return sheets
-
-
 def _refuse_implausible_values(sheet: Sheet) -> None:
     """Refuse values that must be in another unit than was said."""
     for name, column in sheet.channels.items():
@@ -511,13 +482,6 @@ class FileSurvey:
         """Return mass -> name of its track: by the names of the tracks, or by their motion."""
         return propose_masses(self.tracks)
 
-    @property
-    def starts_on_the_right(self) -> bool:
-        """Return whether the light mass's first point is to the right of the heavy mass's line: the picture is mirrored."""
-        x = {mass: track.x for mass, name in self.masses.items() for track in self.tracks if track.name == name}
-        has_both = all(len(x.get(mass, ())) for mass in MASSES)
-        return has_both and bool(x["light"][0] > np.median(x["heavy"]))
-
 
 def survey(path: str | Path) -> FileSurvey:
     """Look into a file of measured data.
@@ -530,12 +494,8 @@ def survey(path: str | Path) -> FileSurvey:
     return _surveyed(_parsed(path, os.fspath(path)), (), Stated())
 
 
-def _surveyed(content: TrackerProject | DelimitedText, tracks: Sequence[str], stated: Stated) -> FileSurvey:
+def _surveyed(content: DelimitedText, tracks: Sequence[str], stated: Stated) -> FileSurvey:
     """Return what a file says of itself; ``tracks`` are those that are asked for."""
-    if isinstance(content, TrackerProject):
-        step = typical_step(np.unique(np.concatenate([content.frame_time[t.frame] for t in content.tracks])))
-        unit = "" if content.length_unit in PIXELS else content.length_unit
-        return FileSurvey(kind="positions", tracks=content.tracks, time_step=step, length_unit=unit)
     if is_event_table(content):
         return FileSurvey(kind="events")
     try:
@@ -575,7 +535,7 @@ def _proposed_time(text: DelimitedText, columns: Sequence[Column]) -> tuple[floa
 
 
 def _proposals(
-    content: TrackerProject | DelimitedText, tracks: Mapping[str, str] | None, stated: Stated, notes: ReadingNotes
+    content: DelimitedText, tracks: Mapping[str, str] | None, stated: Stated, notes: ReadingNotes
 ) -> tuple[Mapping[str, str], Stated]:
     """Return tracks and what is stated, with what a survey proposes where nothing is."""
     found = _surveyed(content, list((tracks or {}).values()), stated)

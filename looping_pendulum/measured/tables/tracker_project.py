@@ -1,4 +1,4 @@
-"""Read project files of Tracker, the video analysis program of Open Source Physics (OSP), into tracked points.
+"""Read project files of Tracker, the video analysis program of Open Source Physics (OSP), as tables.
 
 A `.trk` is XML in which OSP's `XMLControlElement` wrote objects with named properties. A `.trz` is a zip archive with one
 `.trk`, beside films and pages. What the numbers mean was read in the Java sources of Tracker and OSP, whose classes are
@@ -20,8 +20,8 @@ import numpy as np
 from defusedxml import DefusedXmlException, ElementTree  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from looping_pendulum.measured.observations import DataError, Track
-from looping_pendulum.measured.tables.delimited import data_error
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.tables.delimited import DelimitedText, TableLine, data_error
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 
@@ -60,29 +60,8 @@ _OTHER_TRACKS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ProjectTrack(Track):
-    """One tracked point mass, with positions in the project's axes [`TrackerProject.length_unit`]."""
-
-    frame: NDArray[np.intp]
-    """Numbers of the film's frames, from 0, ascending, shape (n,)."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackerProject:
-    """What a project says about the motion in its film."""
-
-    tracks: tuple[ProjectTrack, ...]
-    """Point masses that have points, in the order of the file."""
-    frame_time: Array
-    """Times of the film's frames 0 ... N by the project's clock, as Tracker shows them [s], shape (N + 1,).
-
-    Every tracked frame has one. The clip's first frame has the clip's start time, 0 unless the user changed it.
-    """
-    length_unit: str
-    """Unit of the positions as the project names it, "m" if it names none; "px" if the project is not calibrated."""
-    notes: tuple[str, ...]
-    """Sentences about what was used and what was left out."""
+DIGITS = 12
+"""Digits of the numbers in the table that is made of a project."""
 
 
 def is_named_project(file: str) -> bool:
@@ -102,8 +81,11 @@ def is_project(raw: bytes) -> bool:
     return start.startswith(b"<") and b"org.opensourcephysics" in start
 
 
-def read_project(raw: bytes, file: str) -> TrackerProject:
-    """Read the content of a `.trk` or a `.trz`.
+def read_project(raw: bytes, file: str) -> DelimitedText:
+    """Return the points in a `.trk` or a `.trz` as a table, one object's below the other's: object, time, frame, x and y.
+
+    Positions are in the project's axes and its unit of length, in pixels if it is not calibrated. Times are those that Tracker
+    shows: the clip's first frame has the clip's start time, 0 unless the user changed it.
 
     Raises
     ------
@@ -121,12 +103,14 @@ def read_project(raw: bytes, file: str) -> TrackerProject:
         notes.append("The project is not calibrated: positions are in pixels.")
     if clip.step > 1:
         notes.append(f"The project's step size is {clip.step} frames.")
-    return TrackerProject(
-        tracks=tuple(tracks),
-        frame_time=_frame_times(panel, clip, max(int(track.frame[-1]) for track in tracks), notes),
-        length_unit=(panel.text("length_unit") or "m") if is_calibrated else "px",
-        notes=tuple(notes),
-    )
+    time = _frame_times(panel, clip, max(int(frame[-1]) for frame, _ in tracks.values()), notes)
+    unit = (panel.text("length_unit") or "m") if is_calibrated else "px"
+    lines = [TableLine(line=1, cells=("object", "t [s]", "frame", f"x [{unit}]", f"y [{unit}]"), values=(math.nan,) * 5)]
+    for name, (frame, place) in tracks.items():
+        for row in zip(time[frame].tolist(), frame.tolist(), *place.tolist(), strict=True):
+            cells = (name, *(f"{value:.{DIGITS}g}" for value in row))
+            lines.append(TableLine(line=len(lines) + 1, cells=cells, values=(math.nan, *row)))
+    return DelimitedText(file=file, delimiter=",", decimal_comma=False, comments=(), lines=lines, notes=tuple(notes))
 
 
 def _unpack(raw: bytes, file: str) -> bytes:
@@ -280,9 +264,9 @@ def _positions(axes: Array, pixel: Array) -> Array:
     return np.array([cos * right + sin * up, cos * up - sin * right])
 
 
-def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> list[ProjectTrack]:
-    """Return the point masses that have points in the clip; note what was left out."""
-    tracks: dict[str, ProjectTrack] = {}
+def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> dict[str, tuple[NDArray[np.intp], Array]]:
+    """Return the point masses with points in the clip: name -> frames and positions, shape (2, n); note what was left out."""
+    tracks: dict[str, tuple[NDArray[np.intp], Array]] = {}
     others = []
     for element in panel.element.findall("property[@name='tracks']/property/object"):
         track = _Object(element=element, file=panel.file)
@@ -297,14 +281,13 @@ def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> list[
             continue
         if name in tracks:
             raise panel.error(f"found two tracks named {quote(name)}, needed different names; rename one in Tracker")
-        x, y = _positions(axes, pixel)
-        tracks[name] = ProjectTrack(name=name, frame=frame, x=x, y=y)
+        tracks[name] = frame, _positions(axes, pixel)
     if not tracks:
         instead = f" but {', '.join(others[:5])}" if others else ""
         raise panel.error(f"found no point mass with points{instead}, needed one; track it in Tracker and save again")
     if others:
         notes.append(f"Tracks that were left out: {', '.join(others)}.")
-    return list(tracks.values())
+    return tracks
 
 
 def _points(track: _Object, name: str, clip: _Clip, notes: list[str]) -> tuple[NDArray[np.intp], Array]:
