@@ -134,7 +134,10 @@ class DelimitedText:
         else:
             needed = ", needed a finite number or an empty cell; correct the cell, or empty it"
             if _HAS_DIGIT.search(text):
-                needed += "; if a spreadsheet made a date of a number, import the measured table again with its columns as text"
+                needed += (
+                    "; if a spreadsheet made a date of a number, import the measured table again with its columns as text, and "
+                    "export that"
+                )
         raise self.error(row.line, column, f"found {quote(text)}{needed}")
 
 
