@@ -165,7 +165,6 @@ def test_advice_that_is_followed_leads_to_points(clip, form):
         ("x and z", "plane", "if these are its axes, to the right and up, write 'plane: xz'"),
         ("z and y", "plane", "write 'plane: zy'"),
         ("fractions of a day", "units", "fractions of a day, as spreadsheets have them, say so: 'units: {time: day}'"),
-        ("minutes", "units", "needed times in seconds; if times are in minutes, say so: 'units: {time: min}'"),
         ("polar, degrees without a unit", "units", "if the file is in another unit, say so: 'units: {angle: deg}'"),
     ],
 )  # fmt: skip
