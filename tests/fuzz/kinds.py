@@ -213,7 +213,7 @@ def run_event_table(data: bytes) -> None:
     path.write_bytes(data)
     refused: list[HarnessError] = []
     try:
-        for row in read_event_table(path).rows:
+        for row in read_event_table(path):
             assert all(value is None or math.isfinite(value) for value in (row.measured, row.paper_numerical))
     except HarnessError as error:
         refused.append(error)
