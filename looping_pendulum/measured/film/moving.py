@@ -495,6 +495,6 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
         error = np.full((len(path), 2), ERROR)
         things[name] = Points(
             frame=path[:, 0].astype(int), place=path[:, 1:3], error=error, counted_error=error,
-            streak=streak_way(path), radius=0.5 * float(np.median(path[:, 6])),
+            radius=0.5 * float(np.median(path[:, 6])),
         )  # fmt: skip
     return things

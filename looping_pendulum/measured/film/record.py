@@ -194,15 +194,13 @@ class Points:
     """Standard errors of both [pixels], shape (n, 2)."""
     counted_error: Numbers
     """The same by which a fit should weigh them, as points that share an error show it once [pixels], shape (n, 2)."""
-    streak: Numbers
-    """Way during the exposure [pixels], shape (n,)."""
     radius: FiniteFloat
     """Of the mass's disc, or half its narrower side [pixels]."""
 
     def __post_init__(self) -> None:
         n = len(self.frame)
-        shapes = [each.shape for each in (self.frame, self.place, self.error, self.counted_error, self.streak)]
-        if not n or shapes != [(n,), (n, 2), (n, 2), (n, 2), (n,)]:
+        shapes = [each.shape for each in (self.frame, self.place, self.error, self.counted_error)]
+        if not n or shapes != [(n,), (n, 2), (n, 2), (n, 2)]:
             raise ValueError("found columns of different lengths, or none")
 
     @cached_property

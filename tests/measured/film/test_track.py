@@ -333,10 +333,9 @@ def test_a_fit_weighs_points_by_the_errors_that_the_film_states(tracked, of_a_fi
     from looping_pendulum.measured.edits import read_trial
 
     films = files_of(of_a_film / "trial.mp4")
-    error, streak = tracked.light.counted_error.copy(), tracked.light.streak.copy()
-    error[60:70], streak[60:70] = 9.0, 30.0  # pixels: a long streak
-    output.write(replace(tracked, light=replace(tracked.light, counted_error=error, streak=streak)), films)
-    assert films.table.read_text().count("light streak") == 10
+    error = tracked.light.counted_error.copy()
+    error[60:70] = 9.0  # pixels: a long streak
+    output.write(replace(tracked, light=replace(tracked.light, counted_error=error)), films)
     study = load(of_a_film / "study.yaml")
     data = trial_data(study.trials[0], read_trial(study, study.trials[0]))
     channel = next(c for c in data.channels if c.name == "light_x")
