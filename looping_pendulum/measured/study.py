@@ -339,13 +339,6 @@ class Study:
         return tuple(t for t in self.trials if t.held_out)
 
     @property
-    def declared(self) -> tuple[str, ...]:
-        """Return the names of the declared effects; gravity is always one."""
-        return tuple(
-            e.name for e in self.known_effects if e.name == "gravity" or any(c.name in self.effects for c in e.coefficients)
-        )
-
-    @property
     def known_effects(self) -> tuple[Effect, ...]:
         """Return the effects of the library and the study's own."""
         return effect_tables(self.own_effects).effects

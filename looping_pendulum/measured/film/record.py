@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -250,11 +250,6 @@ class Geometry:
         return self.values["rod_x"], self.values["rod_y"]
 
     @property
-    def tilt(self) -> float:
-        """Return the angle by which the picture is turned against the heavy mass's vertical, counterclockwise [rad]."""
-        return self.values["tilt"]
-
-    @property
     def scale(self) -> float:
         """Return pixels per metre at the rod."""
         return self.values["scale"]
@@ -487,11 +482,6 @@ def read_record(text: str | bytes) -> FilmTrack:
         If it is none, or was cut or changed.
     """
     try:
-        return _reader().validate_json(text)
+        return TypeAdapter(FilmTrack).validate_json(text)
     except (TypeError, OverflowError) as error:  # an array of what are no numbers
         raise ValueError(str(error)) from None
-
-
-@cache
-def _reader() -> TypeAdapter[FilmTrack]:
-    return TypeAdapter(FilmTrack)

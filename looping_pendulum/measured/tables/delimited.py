@@ -168,10 +168,7 @@ def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> byte
     except ValueError:
         raise data_error(file, None, "", "cannot be read: this is not a valid file name") from None
     except OSError as error:
-        # YAML takes all behind " #" for a comment
-        cut_off = next((p.name for p in Path(path).parent.glob("* #*") if p.name.startswith(f"{Path(path).name} #")), "")
-        why = f"; in a study, ' #' begins a comment: write the name in quotes, '{cut_off}'" if cut_off else ""
-        raise data_error(file, None, "", f"cannot be read: {error.strerror}{why}") from None
+        raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
     _refuse_size(file, -(-len(raw) // 1024**2), largest // 1024**2, "MiB")
     return raw
 
@@ -192,7 +189,8 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     """
     text = _decode(raw, file)
     _refuse_size(file, text.count("\n") + text.count("\r"), 2 * MAX_LINES, "lines")
-    numbered = [(n, line.strip("\ufeff")) for n, line in numbered_lines(text)]
+    # Counted as an editor does
+    numbered = [(n, line.strip("\ufeff")) for n, line in enumerate(_LINE_ENDS.split(text), start=1)]
     # A line of tabs may be a row without points, a lone quotation mark is none
     numbered = [(n, line) for n, line in numbered if "\t" in line or line.strip().strip('\ufeff" ')]
     comments = [(n, line.lstrip().lstrip("#%")) for n, line in numbered if line.lstrip().startswith(_COMMENT_SIGNS)]
@@ -216,11 +214,6 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
         raise data_error(file, None, "", "found no rows, needed a table of numbers; export the data again")
     titles = [TableLine(line=n, cells=tuple(cells)) for n, cells in _split(comments, delimiter, file)]
     return DelimitedText(file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=titles, lines=table)
-
-
-def numbered_lines(text: str) -> list[tuple[int, str]]:
-    """Return the lines of ``text`` with their numbers, from 1, counted as an editor does."""
-    return list(enumerate(_LINE_ENDS.split(text), start=1))
 
 
 def _split(numbered: Sequence[tuple[int, str]], delimiter: str, file: str = "") -> list[tuple[int, list[str]]]:

@@ -50,7 +50,7 @@ from looping_pendulum.measured.tables.forms import (
     tracks_of,
 )
 from looping_pendulum.measured.tables.names import CLOCK_ROLES, ERROR_SUFFIX, PIXELS, Column
-from looping_pendulum.measured.tables.times import MAX_FRAME_RATE, Sheet, timed_channels
+from looping_pendulum.measured.tables.times import Sheet, timed_channels
 from looping_pendulum.measured.tables.tracker_project import (
     LARGEST_ARCHIVE,
     is_named_project,
@@ -126,10 +126,6 @@ def read(
     """
     file = os.fspath(path)
     name = name or Path(path).stem
-    for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
-        if rate is not None and not (0 < rate <= MAX_FRAME_RATE):
-            needed = f"needed a number above 0 and at most {MAX_FRAME_RATE:g}"
-            raise data_error(file, None, "", f"{key}: found {rate:g} Hz, {needed}")
     notes = ReadingNotes()
     stated = Stated(kind=kind, units=units or {}, plane=plane, box=box, frame_rate=frame_rate, clip_rate=clip_rate)
     parsed = _parsed(path, file) if content is None else read_text(content.encode(), file)
@@ -414,12 +410,9 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
         if names and not masses:
             raise data_error(file, None, "", f"{found}, needed to know which mass each is", by_motion)
         return masses
-    if len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()) and set(tracks) <= set(MASSES):
+    if len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()):
         return {names[0]: next(iter(tracks))}
-    unknown = [mass for mass in tracks if mass not in MASSES]
     missing = [track for track in tracks.values() if track not in names]
-    if unknown:
-        raise data_error(file, None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
     if len(set(tracks.values())) < len(tracks):
         message = f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
         raise data_error(file, None, "", message)
@@ -481,6 +474,13 @@ class FileSurvey:
     def masses(self) -> dict[str, str]:
         """Return mass -> name of its track: by the names of the tracks, or by their motion."""
         return propose_masses(self.tracks)
+
+    @property
+    def starts_on_the_right(self) -> bool:
+        """Return whether the light mass's first point is to the right of the heavy mass's line: the picture is mirrored."""
+        x = {mass: track.x for mass, name in self.masses.items() for track in self.tracks if track.name == name}
+        has_both = all(len(x.get(mass, ())) for mass in MASSES)
+        return has_both and bool(x["light"][0] > np.median(x["heavy"]))
 
 
 def survey(path: str | Path) -> FileSurvey:

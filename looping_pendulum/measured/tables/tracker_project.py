@@ -33,8 +33,6 @@ MAX_TAGS = 1_000_000
 """Largest number of tags in a `.trk`: each takes some 300 bytes of memory, so that a small file could take very much."""
 MAX_FRAMES = 300_000
 """Largest number of frames of a film, as in Tracker (`VideoClip`)."""
-MAX_PIXEL = 1e6
-"""Largest plausible distance from the picture's corner [pixels]."""
 MAX_NUMBER = 1e12
 """Largest plausible value of any other number, whatever its unit."""
 MIN_SCALE = 1e-9
@@ -295,16 +293,12 @@ def _points(track: _Object, name: str, clip: _Clip, notes: list[str]) -> tuple[N
     points = track.array("framedata")
     pixel = np.array([[point.number(axis, largest=math.inf) for axis in "xy"] for point in points.values()]).reshape(-1, 2).T
     frame = np.array(list(points), dtype=np.intp)
-    # Not a number: this frame has no mark
-    marked = ~np.isnan(pixel).any(axis=0)
+    # Not a number, or infinite: this frame has no mark
+    marked = np.isfinite(pixel).all(axis=0)
     inside = marked & (frame >= clip.start) & (frame <= clip.end)
     if np.any(inside < marked):
         where = f"outside the project's clip (frames {clip.start} to {clip.end})"
         notes.append(f"Points of {quote(name)} {where} were left out: {np.count_nonzero(inside < marked)}.")
-    far = frame[inside & np.any(np.abs(pixel) > MAX_PIXEL, axis=0)]
-    if far.size:
-        where = f"beyond {MAX_PIXEL:g} pixels at frame {far[0]}"
-        raise track.error(f"found a point of {quote(name)} {where}, needed one near the picture; mark it again")
     return frame[inside], pixel[:, inside]
 
 

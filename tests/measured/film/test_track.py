@@ -100,7 +100,7 @@ def test_rod_scale_release_and_angle_are_found_without_a_click(tracked, ordinary
     assert abs(tracked.release.time - (tracked.t[k] - truth.t[k])) < 3 * tracked.release.time_error
     assert np.degrees(tracked.release.angle) == pytest.approx(112, abs=0.3)  # the simulator's
     assert tracked.hanging_length == pytest.approx(0.05, abs=1e-3)
-    assert abs(tracked.geometry.tilt) < 3 * tracked.geometry.errors["tilt"]
+    assert abs(tracked.geometry.values["tilt"]) < 3 * tracked.geometry.errors["tilt"]
 
 
 def test_the_ball_is_as_large_as_it_is(tracked, ordinary):
