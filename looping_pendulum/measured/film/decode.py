@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from looping_pendulum.errors import MissingPackageError, one_line
 from looping_pendulum.files import read_file
 from looping_pendulum.installation import install_command
+from looping_pendulum.measured.clock import frame_grid
 from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.record import Clock, FilmFacts
 from looping_pendulum.reference_ode.geometry import Array
@@ -70,8 +71,6 @@ CHANGED_PIXELS = 30
 """Number of pixels whose change is taken for that of the picture: a small mass is not more, in a reduced picture."""
 UNEVEN_STEP, SLOT_SLACK = 0.05, 0.25
 """Parts of a usual step by which one departs from it to be uneven, and exceeds a step and a half before a frame is lost."""
-TICK_SPREAD = 1.5
-"""Ticks by which times that were rounded to them may spread about even frames: one, and a half as the rate is fitted."""
 CLOCK_SOURCE = "the film's clock"
 """Source of the true frame rate where nobody states another one."""
 CAPTURE_RATE_KEY = "com.android.capture.fps"
@@ -444,14 +443,10 @@ def frame_times(
 
 def _even_times(clock: Array, tick: float, stated: float | None) -> Array:
     """Return the times of even frames [s] that were rounded to ticks, WebM's milliseconds; the clock's own if it is no such."""
-    steps = np.diff(clock)
-    consecutive = np.arange(len(clock))
-    with_lost = np.cumsum(np.append(0, np.maximum(np.round(steps / np.median(steps)), 1)))
-    for number in (consecutive, with_lost):
-        fitted = 1 / float(np.polyfit(number, clock, 1)[0])
-        # The stated rate, where the ticks do not tell the difference
-        for rate in (stated or fitted, fitted):
-            beside = clock - number / rate
-            if np.ptp(beside) <= TICK_SPREAD * tick:
-                return np.asarray(number / rate + 0.5 * (beside.min() + beside.max()))
-    return clock
+    rounding, rates = np.full(len(clock), 0.5 * tick), [] if stated is None else [stated]
+    grid = frame_grid(clock, rounding, rates)
+    if grid is None:
+        return clock
+    # The stated rate, where the ticks do not tell the difference
+    grid = grid.at_usual_rate(clock, rounding, rates) or grid
+    return grid.start + grid.number / grid.rate
