@@ -100,18 +100,14 @@ class Channel:
         """Return the SI unit of the values."""
         return UNITS[self.name]
 
-    def rounding_sigma(self, speed: Array) -> Array:
-        """Return the error of each point by the file's rounding of values and times [SI].
+    def least_sigma(self, speed: Array) -> Array:
+        """Return the error that each point has at least [SI]: by the file's rounding of values and times, and as stated.
 
         Values that rounding makes equal have one error of rounding, so that they count once.
         """
         begins = np.append(True, np.diff(self.value) != 0)
         length = np.bincount(np.cumsum(begins) - 1)[np.cumsum(begins) - 1]
-        return np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
-
-    def least_sigma(self, speed: Array) -> Array:
-        """Return the error that each point has at least [SI]: by the file's rounding, and as stated."""
-        rounding = self.rounding_sigma(speed)
+        rounding = np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
         return rounding if self.stated_error is None else np.hypot(rounding, np.interp(self.t, *self.stated_error))
 
     @property

@@ -27,29 +27,14 @@ from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.record import Clock, FilmFacts
 from looping_pendulum.reference_ode.geometry import Array
 
-PACKAGES = {"cv2": "opencv-python-headless", "av": "av"}
-"""Module -> package, as pip knows it."""
-
-
-def imported(module: str) -> Any:
-    """Return a module of `PACKAGES`.
-
-    Raises
-    ------
-    MissingPackageError
-        If it is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        command = install_command(*PACKAGES.values())
-        raise MissingPackageError(
-            f"films: found no package {PACKAGES[module]}, needed it to read films; to get it: `{command}`"
-        ) from None
-
-
-cv2: Any = imported("cv2")
-av: Any = imported("av")
+try:
+    av: Any = import_module("av")
+    cv2: Any = import_module("cv2")
+except ImportError as error:
+    command = install_command("opencv-python-headless", "av")
+    raise MissingPackageError(
+        f"films: found no PyAV or no OpenCV ({error}), needed both to read films; to get them: `{command}`"
+    ) from None
 # With pictures this small further threads only wait for a core
 cv2.setNumThreads(1)
 
