@@ -32,7 +32,6 @@ from looping_pendulum.measured.observations import (
 from looping_pendulum.measured.tables import lost
 from looping_pendulum.measured.tables.columns import checked, counts, read_columns
 from looping_pendulum.measured.tables.delimited import (
-    LARGEST_FILE,
     DelimitedText,
     data_error,
     last_digits,
@@ -53,7 +52,6 @@ from looping_pendulum.measured.tables.names import CLOCK_ROLES, ERROR_SUFFIX, PI
 from looping_pendulum.measured.tables.times import Sheet, timed_channels
 from looping_pendulum.measured.tables.tracker_project import (
     LARGEST_ARCHIVE,
-    is_named_project,
     is_project,
     read_project,
 )
@@ -153,10 +151,10 @@ def read(
 
 
 def _parsed(path: str | Path, file: str) -> DelimitedText:
-    """Return the table in a file, which is a project of Tracker, by its name or content, or a text."""
-    # A project may hold the film
-    raw = read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
-    return read_project(raw, file) if is_named_project(file) or is_project(raw) else read_text(raw, file)
+    """Return the table in a file, which is a project of Tracker, by its name, or a text."""
+    if is_project(file):
+        return read_project(read_bytes(path, file, LARGEST_ARCHIVE), file)  # it may hold the film
+    return read_text(read_bytes(path, file), file)
 
 
 def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None) -> list[Column]:

@@ -43,8 +43,6 @@ STRETCH_TOLERANCE = 1e-3
 """Relative difference of two frame durations that are the same; the film's frame times are rounded to 1 us."""
 
 _TRACKER = "org.opensourcephysics.cabrillo.tracker."
-# Bytes at the start of a file by which it is recognised; the root's class is in the second line
-_SNIFFED = 4096
 _ZIP_START = b"PK\x03\x04"
 # What `zipfile` raises for a damaged archive; `BadZipFile` is an Exception of its own
 _ZIP_FAULTS = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, OSError, ValueError)
@@ -62,21 +60,9 @@ DIGITS = 12
 """Digits of the numbers in the table that is made of a project."""
 
 
-def is_named_project(file: str) -> bool:
-    """Return whether a file's name says that it is a project."""
+def is_project(file: str) -> bool:
+    """Return whether a file is a project, by its name."""
     return file.lower().endswith((".trk", ".trz"))
-
-
-def is_project(raw: bytes) -> bool:
-    """Return whether the content of a file looks like XML of OSP or like a zip archive with a `.trk`."""
-    if raw.startswith(_ZIP_START):
-        try:
-            with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-                return bool(_members(archive))
-        except _ZIP_FAULTS:
-            return False
-    start = raw[:_SNIFFED].removeprefix(b"\xef\xbb\xbf").lstrip()
-    return start.startswith(b"<") and b"org.opensourcephysics" in start
 
 
 def read_project(raw: bytes, file: str) -> DelimitedText:
