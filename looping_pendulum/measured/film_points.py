@@ -12,15 +12,13 @@ from looping_pendulum.files import read_file
 from looping_pendulum.installation import command_line
 from looping_pendulum.measured.film.record import FilmTrack, TrackSettings, files_of, read_record
 from looping_pendulum.measured.observations import DataError, Observations
+from looping_pendulum.scenarios.units import show
 
 if TYPE_CHECKING:
     from looping_pendulum.processes import ReportShare
 
-OPTIONS = {"free_length": "cm", "rod_radius": "mm", "frame_rate": "Hz", "first": "s", "last": "s", "readout": "ms"}
-"""Field of `TrackSettings` that is a quantity -> unit in which it is shown and typed."""
-FACTORS = {"cm": 1e2, "mm": 1e3, "Hz": 1.0, "s": 1.0, "ms": 1e3}
-"""Unit -> how many of it an SI unit has."""
-
+OPTIONS = {"free_length": "m", "rod_radius": "m", "frame_rate": "Hz", "first": "s", "last": "s", "readout": "s"}
+"""Field of `TrackSettings` that is a quantity -> its SI unit."""
 MAX_RECORD_SIZE = 64 * 1024**2
 """Largest record that is read [bytes]: one of ten minutes at 240 Hz has 40 million."""
 
@@ -154,10 +152,7 @@ def _stored(film: Path) -> tuple[FilmTrack | None, str]:
 
 def _shown(name: str, value: float | None) -> str:
     """Return a setting [SI] with a usual unit."""
-    if not value:
-        return "none"
-    unit = "mm" if name.endswith("_error") else OPTIONS[name]
-    return f"{FACTORS[unit] * value:.6g} {unit}"
+    return show(value, OPTIONS[name.removesuffix("_error")]) if value else "none"
 
 
 def _command(film: Path, stated: Mapping[str, float], settings: TrackSettings) -> str:
