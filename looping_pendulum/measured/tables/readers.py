@@ -315,8 +315,6 @@ def _in_si(
 ) -> Column:
     """Return a column with the size of its unit, its last digit, and its errors; a unit that is assumed is said."""
     factor = si_factor(text, checked(text, column), UNITS[name], units)
-    if not column.has_values.any():
-        raise text.error(None, column.label, f"found no values at all, needed {name}; export that track again")
     error = _stated_error(text, column, name, columns, units)
     read = replace(column, factor=factor, digit=column.digit or max(last_digits(column.cells)), error=error)
     if column.unit:
