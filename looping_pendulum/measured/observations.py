@@ -163,8 +163,6 @@ class ReadingNotes:
     """Parameter of the camera -> standard error that it has by what was put right [SI]."""
     tracks: dict[str, str] = field(default_factory=dict)
     """Mass -> name of its track in the file."""
-    length_unit: str = ""
-    """Unit of length that the file names itself; '' if it names none."""
 
     def edits(self) -> tuple[Edit, ...]:
         """Return what was left out, and what was assumed."""

@@ -146,7 +146,7 @@ def read(
         edits=notes.edits(),
         camera_errors=notes.camera_errors,
         tracks=notes.tracks,
-        length_unit=notes.length_unit,
+        length_unit=next((c.unit for c in columns if c.is_length and c.unit), ""),
     )
 
 
@@ -194,7 +194,6 @@ def _sheets(
         _refuse_times_as_places(text, objects)
     masses = _mass_of_track(text.file, tracks_of(objects) if has_places else [], tracks)
     notes.tracks = {mass: track for track, mass in masses.items()}
-    notes.length_unit = next((c.unit for c in columns if c.is_length and c.unit), "")
     parts = [(own, thing.track) for thing in objects for role in wanted if (own := thing.with_role(role))]
     parts.sort(key=lambda part: part[0][0].index)
     if has_places or any(track in masses for _, track in parts):
