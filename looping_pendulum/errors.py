@@ -46,7 +46,10 @@ def _in_yaml(value: str) -> str:
 
 
 class HarnessError(Exception):
-    """Base of every error that this package raises on purpose; the command line prints it as one line."""
+    """Base of every error that this package raises on purpose; its message is one line, whatever the names in it have."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(message))
 
 
 class ParameterError(HarnessError, ValueError):

@@ -162,25 +162,3 @@ def prepare_output_folder(
                 f"{option}: {path}: found a {existing}, needed room for a {kind} of that name; choose another folder"
             )
     return folder
-
-
-class LockedError(HarnessError, OSError):
-    """Another process holds a lock."""
-
-
-@contextlib.contextmanager
-def locked(path: Path, *, wait: bool) -> Iterator[None]:
-    """Hold the lock file ``path`` among processes; the system frees the lock of a process that dies.
-
-    Raises
-    ------
-    LockedError
-        If another process holds it and ``wait`` is false.
-    """
-    from filelock import FileLock, Timeout
-
-    try:
-        with FileLock(path, timeout=-1 if wait else 0):
-            yield
-    except Timeout:
-        raise LockedError(f"{path}: another process holds this lock") from None

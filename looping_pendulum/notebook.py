@@ -29,22 +29,6 @@ def register() -> None:
             formatter.for_type_by_name(module, name, show)
 
 
-def html(result: Any) -> str:
-    """Return the HTML that a notebook shows of ``result``, an instance of one of the classes in `FORMATTERS`.
-
-    Raises
-    ------
-    TypeError
-        If nothing is known of its class.
-    """
-    # Base classes, too: a `Solution` is shown as the `Run` that it is
-    for kind in type(result).__mro__:
-        if (kind.__module__, kind.__name__) in FORMATTERS:
-            return FORMATTERS[kind.__module__, kind.__name__](result)
-    known = ", ".join(name for _, name in FORMATTERS)
-    raise TypeError(f"a notebook cannot show {type(result).__name__}; it can show {known}")
-
-
 def _html(title: str, note: str, *parts: str) -> str:
     """Return the HTML of a title, a note in plain text, and Markdown ``parts``."""
     heading = f"**{markdown.escaped(title)}**"

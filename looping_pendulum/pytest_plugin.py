@@ -10,9 +10,10 @@ import hashlib
 import re
 import tempfile
 import warnings
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Iterable, Iterator
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import pytest
 
@@ -25,12 +26,6 @@ SUFFIXES = (".scenario.yaml", ".scenario.yml")
 
 SCENARIO_KEYS = tuple(re.compile(rf"^{key}\s*:", re.MULTILINE).search for key in ("light", "heavy", "rod", "release"))
 """Searches for keys that a scenario has: a YAML file on the command line with all of them is collected as a scenario."""
-
-NOTHING_JUDGED = 2
-"""Exit status of a session that collected scenarios and judged no tolerance.
-
-It is that of `looping-pendulum check`, and pytest's own for a faulty file.
-"""
 
 RUN = "run"
 """Name of the item that fails if the engine's run broke off, whatever its metrics."""
@@ -82,58 +77,16 @@ def _is_scenario(path: Path) -> bool:
     return all(search(text) for search in SCENARIO_KEYS)
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
-    """Mark the reports of our items, so that they can be counted in another process, as under xdist."""
-    report = yield
-    if isinstance(item, (ToleranceItem, NothingToJudge)):
-        report.looping_pendulum = True
-    if isinstance(item, NothingToJudge) and report.failed:
-        report.longrepr = item.sentence  # pytest calls repr_failure for a failed test, but not for a failed setup
-    return report
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """Register the count of judged items, except in a worker of xdist, and where nothing is asked to be judged."""
-    asks_for_setup_alone = config.getoption("setuponly", False) or config.getoption("setupplan", False)
-    if not hasattr(config, "workerinput") and not asks_for_setup_alone:
-        config.pluginmanager.register(JudgedCount(), "looping-pendulum-judged-count")
-
-
-class JudgedCount:
-    """Number of our items that this session collected and judged; under xdist, in the process that receives the reports."""
-
-    def __init__(self) -> None:
-        self.collected = 0
-        self.judged = 0
-
-    def pytest_runtest_logreport(self, report: Any) -> None:
-        """Count an item as judged if it was called: a skip, or an error in its setup, judges nothing."""
-        if getattr(report, "looping_pendulum", False):
-            self.collected += report.when == "setup"
-            self.judged += report.when == "call"
-
-    def pytest_sessionfinish(self, session: pytest.Session, exitstatus: int) -> None:
-        """Set the exit status `NOTHING_JUDGED` if no item was judged, as a session of skips is a success for pytest."""
-        ended = exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED)
-        if ended and self.collected and not self.judged:
-            session.exitstatus = NOTHING_JUDGED
-
-    def pytest_terminal_summary(self, terminalreporter: Any) -> None:
-        """Print a line if nothing was judged."""
-        if self.collected and not self.judged:
-            terminalreporter.write_line(
-                f"looping-pendulum: nothing was judged: no limit of a scenario is on an engine that runs here; "
-                f"exit status {NOTHING_JUDGED}"
-            )
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip the scenarios that --lp-engines left out; where nothing else is judged they fail: skips are a success."""
+    is_judged = any(isinstance(item, ToleranceItem) and item.get_closest_marker("skip") is None for item in items)
+    for item in items:
+        if is_judged and isinstance(item, NothingToJudge) and item.was_left_out:
+            item.add_marker(pytest.mark.skip(reason=item.reason))
 
 
 _SESSION = pytest.StashKey[Path]()
 """Folder of a session in which pytest itself keeps none."""
-
-
-class JudgementError(Exception):
-    """A limit is exceeded, or there is no limit to judge."""
 
 
 class ScenarioFileCollector(pytest.File):
@@ -154,10 +107,7 @@ class ScenarioFileCollector(pytest.File):
             raise self.CollectError(str(error)) from None
         reason = why_no_tolerances(scenario, profile, requested)
         if reason:
-            item = NothingToJudge.from_parent(self, name="tolerances", reason=reason)
-            if requested is not None:  # --lp-engines may well leave whole scenarios out
-                item.add_marker(pytest.mark.skip(reason=reason))
-            yield item
+            yield NothingToJudge.from_parent(self, name="tolerances", reason=reason, was_left_out=requested is not None)
             return
         wanted = [t for t in scenario.tolerances if t.profile == profile and (requested is None or t.engine in requested)]
         reasons_not_run = {
@@ -189,18 +139,14 @@ def _requested_engines(names: str, profile: str) -> set[str] | None:
 class NothingToJudge(pytest.Item):
     """Item of a scenario of which nothing is judged: an error, or a skip if --lp-engines left it out."""
 
-    def __init__(self, *, reason: str, **rest: Any) -> None:
+    def __init__(self, *, reason: str, was_left_out: bool = False, **rest: Any) -> None:
         super().__init__(**rest)
         self.reason = reason
+        self.was_left_out = was_left_out
 
     def setup(self) -> None:
         """Fail: an error in the setup, not a failed test, as nothing was judged."""
-        raise JudgementError(self.sentence)
-
-    @property
-    def sentence(self) -> str:
-        """The error message, in one line."""
-        return f"{self.path.name}: nothing was judged: {self.reason}"
+        pytest.fail(f"{self.path.name}: nothing was judged: {self.reason}", pytrace=False)
 
     def runtest(self) -> None:
         """Do nothing: `setup` fails before."""
@@ -218,8 +164,6 @@ class EngineVariant(pytest.Collector):
         self.why_not_run = why_not_run
         self.scenario = scenario
         self.tolerances = tolerances
-        self._result: ComparisonResult | None = None
-        self._report: Path | None = None
 
     def collect(self) -> Iterable[pytest.Item]:
         """Yield one item for the run itself, and one per metric."""
@@ -227,43 +171,38 @@ class EngineVariant(pytest.Collector):
             item = ToleranceItem.from_parent(self, name=metric)
             if self.why_not_run:
                 item.add_marker(pytest.mark.skip(reason=self.why_not_run))
-            if self.config.pluginmanager.hasplugin("xdist"):
-                # One worker judges all limits of a run (with --dist loadgroup). Without xdist the mark would be unknown.
-                item.add_marker(pytest.mark.xdist_group(self.nodeid))
             yield item
 
+    @cached_property
     def result(self) -> ComparisonResult:
-        """Return the comparison with the reference; the engine runs once per session, in a process of its own.
+        """The comparison with the reference; the engine runs once per session, in a process of its own.
 
         The workers of pytest-xdist share the outcome through a file.
         """
         import pickle
 
-        from looping_pendulum.files import locked
+        from filelock import FileLock
 
-        if self._result is None:
-            stored = self._folder() / "result.pickle"
-            with locked(stored.with_suffix(".lock"), wait=True):
-                if stored.exists():
-                    self._result = pickle.loads(stored.read_bytes())
-                else:
-                    self._result = self._run()
-                    stored.write_bytes(pickle.dumps(self._result))
-                    if self.config.getoption("--lp-report"):
-                        self._write(self._result)
-        return self._result
-
-    def report(self) -> Path:
-        """Return the path of the report, which is written first if need be."""
-        from looping_pendulum.files import locked
-
-        if self._report is None:
-            result = self.result()
-            with locked(self._folder() / "report.lock", wait=True):
-                self._report = self._report_folder() / "report.md"
-                if not self.config.getoption("--lp-report") and not self._report.exists():
+        stored = self._folder / "result.pickle"
+        with FileLock(stored.with_suffix(".lock")):
+            if not stored.exists():
+                result = self._run()
+                stored.write_bytes(pickle.dumps(result))
+                if self.config.getoption("--lp-report"):
                     self._write(result)
-        return self._report
+            made: ComparisonResult = pickle.loads(stored.read_bytes())
+            return made
+
+    @cached_property
+    def report(self) -> Path:
+        """The path of the report, which is written first if need be."""
+        from filelock import FileLock
+
+        path = self._report_folder / "report.md"
+        with FileLock(self._folder / "report.lock"):
+            if not self.config.getoption("--lp-report") and not path.exists():
+                self._write(self.result)
+        return path
 
     def _run(self) -> ComparisonResult:
         from looping_pendulum.compare.harness import compare_engines
@@ -279,19 +218,21 @@ class EngineVariant(pytest.Collector):
         from looping_pendulum.compare import write
 
         with _warnings_shown():
-            write(result, self._report_folder())
+            write(result, self._report_folder)
 
+    @property
     def _report_folder(self) -> Path:
         from looping_pendulum.files import file_stem
 
         report_option = self.config.getoption("--lp-report")
         name = self.path.name.removesuffix(self.path.suffix).removesuffix(".scenario")
         # A path on the command line is relative to where pytest was started, not to its root folder
-        base = self.config.invocation_params.dir / report_option if report_option else self._folder()
+        base = self.config.invocation_params.dir / report_option if report_option else self._folder
         return base / file_stem(name) / file_stem(self.name, self.config.getoption("--lp-profile"))
 
+    @cached_property
     def _folder(self) -> Path:
-        """Return this node's folder in this session, the same in all workers of pytest-xdist."""
+        """Folder of this node in this session, the same in all workers of pytest-xdist."""
         key = hashlib.sha256(self.nodeid.encode()).hexdigest()[:16]
         folder = _session_folder(self.config) / f"looping-pendulum-{key}"
         folder.mkdir(parents=True, exist_ok=True)
@@ -322,38 +263,29 @@ class ToleranceItem(pytest.Item):
         from looping_pendulum.errors import HarnessError
 
         try:
-            result = self.parent.result()
+            result = self.parent.result
         except HarnessError as error:
-            raise JudgementError(f"{self.path.name}: tolerances: {str(error).removeprefix('--engine: ')}") from None
+            pytest.fail(f"{self.path.name}: tolerances: {str(error).removeprefix('--engine: ')}", pytrace=False)
         engine = result.engines[0]
         if self.name == RUN:
             if result.broke_off(engine):
-                raise JudgementError(self._failure_text(f"its run broke off: {engine.status_sentence}", engine))
+                self._fail(f"its run broke off: {engine.status_sentence}", engine)
             return
         (judged,) = (t for t in result.judged(engine) if t.metric == self.name)
-        if judged.expected_failure and not judged.outcome.good:
-            raise JudgementError(self._failure_text(_judgement(judged), engine))
-        if judged.expected_failure:
+        if judged.expected_failure and judged.outcome.good:
             pytest.xfail(judged.expected_failure)  # does nothing under --runxfail
         if judged.expected_failure or not judged.outcome.good:
-            raise JudgementError(self._failure_text(_judgement(judged), engine))
+            self._fail(_judgement(judged), engine)
 
-    def _failure_text(self, judgement: str, engine: EngineResult) -> str:
+    def _fail(self, judgement: str, engine: EngineResult) -> NoReturn:
         run_message = f"{engine.status_sentence}. {engine.message}".strip().rstrip(".")
-        return "\n".join(
-            [
-                f"{self.path.name}, {engine.label}, {engine.profile}: {judgement}",
-                f"  where and why: {engine.story}",
-                f"  the run:       {run_message}",
-                f"  report:        {self.parent.report()}",
-            ]
-        )
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """Return the judgement without a traceback, or an unexpected error with its traceback."""
-        if isinstance(excinfo.value, JudgementError):
-            return str(excinfo.value)
-        return super().repr_failure(excinfo, style)
+        lines = [
+            f"{self.path.name}, {engine.label}, {engine.profile}: {judgement}",
+            f"  where and why: {engine.story}",
+            f"  the run:       {run_message}",
+            f"  report:        {self.parent.report}",
+        ]
+        pytest.fail("\n".join(lines), pytrace=False)
 
     def reportinfo(self) -> tuple[Path, int, str]:
         """Return file, line and the heading of a failure."""

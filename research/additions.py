@@ -11,12 +11,12 @@ from typing import Any
 
 from looping_pendulum.compare.align import align
 from looping_pendulum.compare.metrics import RMS_END_TIMES, rms_until
-from looping_pendulum.engines.facts import write_measured
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import select
 from looping_pendulum.scenarios import load
 from research import rounded
+from research.engine_facts import write_measured
 
 SCENARIO, DURATION = "ten_to_one", 0.7
 RMS_METRICS = ("rms_0.35s", "rms_0.7s")

@@ -18,7 +18,15 @@ from threadpoolctl import threadpool_limits
 
 import looping_pendulum as lp
 from looping_pendulum.discrepancy.evidence.explain import explain
-from looping_pendulum.discrepancy.evidence.explanation import Addition, Explanation, Parts, explained, fit_addition, raw
+from looping_pendulum.discrepancy.evidence.explanation import (
+    Addition,
+    Explanation,
+    Parts,
+    explained,
+    fit_addition,
+    raw,
+    with_best_prior,
+)
 from looping_pendulum.discrepancy.evidence.laws import body_of, laws_beside
 from looping_pendulum.discrepancy.evidence.search import NOTHING, Search, in_words
 from looping_pendulum.discrepancy.fit.calibration import minimise
@@ -59,7 +67,8 @@ def from_planted_value(search: Search, study: BlindStudy) -> list[Explanation]:
                 parent=parent, law=law, step=law.step, gain=law.log_bayes_factor, decrease=law.decrease,
                 library=len(search.library),
             )  # fmt: skip
-            if fitted := fit_addition(addition):
+            if fit := fit_addition(addition):
+                fitted = with_best_prior(fit, addition.parts)
                 found.append(explained(search.grid, *fitted, len(search.library)))
     return found
 

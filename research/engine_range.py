@@ -29,7 +29,6 @@ from looping_pendulum.engines.facts import (
     VALIDATED_METRICS,
     ErrorDistribution,
     ValidatedRange,
-    write_measured,
 )
 from looping_pendulum.engines.protocol import STATIC_FRICTION, Engine, Profile
 from looping_pendulum.engines.reference import Reference
@@ -39,6 +38,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 from research import DATA, rounded
+from research.engine_facts import write_measured
 
 MEASURED = DATA / "engine_range.json"
 COMMAND = "python -m research.engine_range"

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from looping_pendulum.compare.convergence.result import ConvergenceResult, VariantStudy
+from looping_pendulum.compare.convergence.result import ConvergenceResult, RunSummary, VariantStudy
 from looping_pendulum.compare.convergence.study import LEAST_NOISE
 from looping_pendulum.compare.json_text import plain
 from looping_pendulum.runs.trajectory import Supplier
@@ -77,6 +77,12 @@ class EngineStudy:
         return text.replace('{"engine":', '\n{"engine":').replace('{"variant":', '\n{"variant":') + "\n"
 
 
+def reported_runs(variant: VariantStudy) -> list[RunSummary]:
+    """Return every run of a variant's study; one that is a rung of several ladders comes several times."""
+    rungs = [rung.run for ladder in variant.ladders for rung in ladder.rungs]
+    return [variant.own, *rungs, *(one.run for one in (*variant.choices, *variant.defaults))]
+
+
 def read(text: str) -> EngineStudy:
     """Read `EngineStudy.to_json`'s text back."""
     tree = json.loads(text)
@@ -109,7 +115,7 @@ def renewed(stored: EngineStudy, new: EngineStudy) -> EngineStudy:
     variants = {v.label: v for v in old.variants} | {v.label: v for v in other.variants}
     times = old.clock.run_times | other.clock.run_times
     # A renewed variant's former runs are not in the study any more
-    keys = {run.key for v in variants.values() for run in v.runs()}
+    keys = {run.key for v in variants.values() for run in reported_runs(v)}
     clock = dataclasses.replace(other.clock, run_times={key: times[key] for key in times.keys() & keys})
     points = [p for p in stored.pareto if p.variant not in {v.label for v in other.variants}] + list(new.pareto)
     measurements = {m.variant: m for m in (*stored.measurements, *new.measurements)}

@@ -67,9 +67,7 @@ def _runs(variant: VariantStudy, engine: Engine) -> Iterator[StoredRun]:
             again = next((e for (s, v), e in made.items() if s == ladder.setting and abs(v - rung.value) <= 1e-5 * v), None)
             if again is not None:
                 yield StoredRun(name=f"{variant.label}, {ladder.setting} {rung.value:g}", engine=again, summary=rung.run)
-    others = {(c.what, c.instead): engine.with_settings(**c.changes) for c in studies.choices} | {
-        (d.setting, d.default): engine.with_settings(**d.changes) for d in studies.defaults
-    }
+    others = {(v.what, v.other): engine.with_settings(**v.changes) for v in (*studies.choices, *studies.defaults)}
     for row in (*variant.choices, *variant.defaults):
         if (row.what, row.other) in others:
             yield StoredRun(

@@ -72,8 +72,8 @@ def draw_evidence(study: Path, picture: Path) -> None:
             )
             for t in templates(best.fit, others, {})
         ]  # fmt: skip
-        nearest = min(filter(None, map(fit_addition, added)), key=lambda fitted: fitted[0].cost)
-        pair = explained(search.grid, *nearest, len(inputs.library))
+        pairs = [explained(search.grid, fit, a.parts, len(inputs.library)) for a in added if (fit := fit_addition(a))]
+        pair = min(pairs, key=lambda e: e.fit.cost)
     law = max((e for e in search.fitted.values() if e.parts.law), key=lambda e: e.log_posterior)
     shown = [search.fitted[NOTHING], best, pair, law]
     names = [" + ".join(sorted(e.key)).replace("_", " ").replace(" by ", "\nby ") or "nothing" for e in shown]

@@ -74,7 +74,7 @@ def _variant(engine: Engine) -> str:
     a = engine.abilities
     supplies = table(["physics", "by", "how"], supplies_as_rows(a.supplies), left=3)
     failures = [f"{check.replace('_', ' ')}: {reason}" for check, reason in a.known_failures.items()]
-    changed = [[d.setting, d.default, d.ours, d.effect] for d in engine.studies().defaults]
+    changed = [[d.what, d.other, d.ours, d.effect] for d in engine.studies().defaults]
     text = f"### {label(engine)}\n\n{a.summary}\n\n{supplies}\n"
     text += _listed("Limits:", a.limits)
     text += _listed("The adapter adds:", a.additions)

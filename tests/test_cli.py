@@ -166,8 +166,7 @@ def test_a_baseline_lists_what_changed_and_leaves_the_exit_status(compared, tmp_
 
 @pytest.mark.long
 def test_a_memory_limit_has_a_unit_and_stops_a_run(offer):
-    line = one_line_error(here("run", "drop", "--memory-limit", "2"))
-    assert "write for example '2 GiB'" in line
+    assert "write for example '2 GiB'" in here("run", "drop", "--memory-limit", "2").stderr
     offer(faulty=adapter_of("FaultyEngine('memory')"))
     done = here("run", "two_to_one", "-e", "faulty", "--memory-limit", "300 MiB")
     assert done.returncode == 1, done.stderr

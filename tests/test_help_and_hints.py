@@ -95,13 +95,22 @@ def test_every_time_and_rate_says_what_it_needs(words):
         ("s", 9e2, 900.0),
         ("Hz", "0.24 kHz", 240.0),
         ("Hz", "240", 240.0),
+        ("byte", "2GB", 2e9),
+        ("byte", "0.5 GiB", 2**29),
+        ("byte", "1e9 byte", 1e9),
     ],
 )
 def test_a_quantity_has_a_unit_or_is_in_the_usual_one(unit, text, value):
-    assert quantity(unit)(text) == pytest.approx(value, rel=1e-12)
+    assert quantity(unit, least=f"0 {unit}")(text) == pytest.approx(value, rel=1e-12)
 
 
 @pytest.mark.parametrize("text", ["0.05 s", "-3", "nan", "inf", "3 m", "", "3,5 s"])
 def test_no_other_time_is_taken(text):
     with pytest.raises(typer.BadParameter, match="needed a time of 0.1 s or more; write for example '90 s'"):
-        quantity("s", least=0.1)(text)
+        quantity("s", least="0.1 s")(text)
+
+
+@pytest.mark.parametrize("text", ["", "2", "2 m", "nan GiB", "1e999 B", "-2 GiB", "1 MiB", "2 GiB/0", "9**9**9 B", "(" * 5000])
+def test_no_other_amount_of_memory_is_taken(text):
+    with pytest.raises(typer.BadParameter, match="needed an amount of memory of 64 MiB or more; write for example '2 GiB'"):
+        quantity("byte", least="64 MiB")(text)

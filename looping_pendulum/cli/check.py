@@ -29,7 +29,7 @@ def check(
     engine: common.EngineNames = None,
     profile: common.ProfileName = Profile.QUICK,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,

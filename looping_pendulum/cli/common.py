@@ -54,7 +54,7 @@ def engine_names() -> list[str]:
 OUTSIDE_TOLERANCE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0; 130 is the shell's own for a command that Ctrl-C ended."""
 INTERRUPTED_FOLDER = "interrupted"
-"""Name of the folder of an interrupted report, inside the folder of a complete one."""
+"""Name of the folder of an interrupted report, inside the folder of an earlier one."""
 
 
 ScenarioName = Annotated[
@@ -81,7 +81,7 @@ EngineNames = Annotated[
         "--engine",
         "-e",
         metavar="NAME",
-        help="Run only this engine (pymunk) or variant (mujoco:capstan); repeatable.",
+        help="Run this engine (pymunk) or variant (mujoco:capstan), or all; repeatable.",
         autocompletion=engine_names,
     ),
 ]
@@ -92,12 +92,23 @@ ProfileName = Annotated[
 TimeLimit = Annotated[
     float,
     typer.Option(
-        metavar="TIME", parser=quantity("s", least=0.1), help="Stop an engine's run after this time [s], and keep its samples."
+        metavar="TIME",
+        parser=quantity("s", least="0.1 s"),
+        help="Stop an engine's run after this time [s], and keep its samples.",
     ),
 ]
 MemoryLimit = Annotated[
-    str, typer.Option(metavar="AMOUNT", help="Stop an engine's run that uses more memory, and keep its samples.")
+    int,
+    typer.Option(
+        metavar="AMOUNT",
+        # Python with NumPy takes half of the least
+        parser=lambda given: int(quantity("byte", least="64 MiB")(given)),
+        show_default="2 GiB",
+        help="Stop an engine's run that uses more memory, and keep its samples.",
+    ),
 ]
+MEMORY_LIMIT = 2 * 1024**3
+"""Default limit on the memory of an engine's run [bytes]."""
 MAX_JOBS = 1024
 """Largest value of --jobs; above it a number is a mistake, as no machine has as many cores."""
 Jobs = Annotated[
@@ -216,7 +227,7 @@ def run_and_compare(
     data: Path | None = None,
     trial: MeasuredTrial | None = None,
     time_limit: float,
-    memory_limit: str,
+    memory_limit: int,
     jobs: int | None,
     meanwhile: Callable[[ComparisonResult, tuple[str, ...]], None] | None = None,
 ) -> ComparisonResult:
@@ -225,9 +236,7 @@ def run_and_compare(
     ``meanwhile`` gets the comparison of those that have ended, with the labels of those that go on.
     """
     from looping_pendulum.compare.harness import compare_engines
-    from looping_pendulum.engines.isolation import parse_memory
 
-    memory_bytes = parse_memory(memory_limit)
     with ProgressBars(time_left=True, keep=True) as bars:
         return compare_engines(
             scenario,
@@ -237,7 +246,7 @@ def run_and_compare(
             trial=trial,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=memory_limit,
             progress=bars.update_engine,
             finished=bars.show_finished_run,
             meanwhile=meanwhile,
@@ -283,40 +292,15 @@ COMPARE_FILES, COMPARE_FOLDERS = ("result.json", "report.md", "report.html", "re
 """Files and folders that `compare.write` writes."""
 
 
-def report_folder(folder: Path, file: str, *, interrupted: bool, was_interrupted: Callable[[Any], bool]) -> Path:
-    """Return the folder to write a report into.
+def report_folder(folder: Path, record: str, *, interrupted: bool) -> Path:
+    """Return the folder to write a report into: ``folder``, or one inside it where an interrupted one would replace another.
 
-    It is ``folder``, unless an interrupted report would overwrite a complete one there: then it is a folder inside it.
-
-    Parameters
-    ----------
-    file
-        Name of the file in ``folder`` that says whether the report there is complete.
-    interrupted
-        Whether the report to write is of an interrupted run.
-    was_interrupted
-        Takes the content of ``file``; returns whether it is of an interrupted run.
+    ``record`` is the name of the file by which an earlier report is known.
     """
-    if not interrupted:
+    if not (interrupted and (folder / record).exists()):
         return folder
-    try:
-        has_complete_report = not was_interrupted(json.loads((folder / file).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):  # no report, or one that cannot be read
-        has_complete_report = False
-    if not has_complete_report:
-        return folder
-    say(f"interrupted: the complete report in {folder} is kept; this one goes into {folder / INTERRUPTED_FOLDER}", err=True)
+    say(f"interrupted: the earlier report in {folder} is kept; this one goes into {folder / INTERRUPTED_FOLDER}", err=True)
     return folder / INTERRUPTED_FOLDER
-
-
-def comparison_folder(folder: Path, result: ComparisonResult) -> Path:
-    """Return the folder to write a comparison into, as `report_folder` does for any report."""
-    return report_folder(
-        folder,
-        "result.json",
-        interrupted=result.interrupted,
-        was_interrupted=lambda tree: "INTERRUPTED" in (e["status"] for e in tree["engines"]),
-    )
 
 
 @contextmanager

@@ -15,16 +15,7 @@ from looping_pendulum.engines import Profile
 
 def converge(
     scenario: common.OptionalScenario = "ten_to_one",
-    engine: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--engine",
-            "-e",
-            metavar="NAME",
-            help="Engine, variant, or all; repeatable. Default: the main variants.",
-            autocompletion=common.engine_names,
-        ),
-    ] = None,
+    engine: common.EngineNames = None,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[
         Path | None,
@@ -34,38 +25,35 @@ def converge(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=0.01),
+            parser=quantity("s", least="0.01 s"),
             help="Length of the runs; default: until 0.1 s after the halt, at least 0.7 s.",
         ),
     ] = None,
     time_limit: common.TimeLimit = 3600.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
 ) -> None:
     """Say of each engine whether it has converged, whether it has not, or whether it leads to another limit than the reference.
 
-    Refines every numerical setting that a variant offers, changes the initial state a little, and restores the engine's
-    defaults one at a time. Writes convergence.md, convergence.json and a figure per setting. Completed runs are stored in DIR:
-    after Ctrl-C it reports what it has, and the same command continues from there. Rungs finer than one that reaches the
-    time limit are left out.
+    Refines every numerical setting that a variant offers, of the main variants if no --engine is given, changes the initial
+    state a little, and restores the engine's defaults one at a time. Writes convergence.md, convergence.json and a figure per
+    setting. Completed runs are stored in DIR: after Ctrl-C it reports what it has, and the same command continues from there.
+    Rungs finer than one that reaches the time limit are left out.
 
     looping-pendulum converge ten_to_one --engine mujoco:capstan --time-limit 60
     """
     from looping_pendulum.compare.convergence.result import FILE, QUANTITIES
     from looping_pendulum.compare.convergence.study import study_convergence, write
     from looping_pendulum.compare.harness import chosen_engines
-    from looping_pendulum.engines.isolation import parse_memory
     from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.pages.numbers import number
 
     chosen = common.load_scenario(scenario)
     engines = chosen_engines(engine or (), profile)
     folder = out or Path("report") / f"{chosen.name}-converge"
-    prepare_output_folder(
-        folder, files=("convergence.md", FILE), folders=("figures",), record=FILE
-    )  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=("convergence.md", FILE), folders=("figures",), record=FILE)
     with ProgressBars(time_left=True) as bars:
         result = study_convergence(
             chosen,
@@ -74,13 +62,11 @@ def converge(
             until=until,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=parse_memory(memory_limit),
+            memory_limit=memory_limit,
             progress=bars.update,
         )
     with common.without_interrupts():
-        folder = common.report_folder(
-            folder, FILE, interrupted=result.interrupted, was_interrupted=lambda result: result["interrupted"]
-        )
+        folder = common.report_folder(folder, FILE, interrupted=result.interrupted)
         written = write(result, folder)
     head = ["variant", "quantity", "verdict", "error", "refining changes it by", "limit's error", "+/-", "choice", "noise"]
     rows = []

@@ -25,10 +25,6 @@ HEAD_SIZE = 64 * 1024
 ROW_OF_NUMBERS = re.compile(r"^[-+\d.eE;,\t ]*\d[;,\t ]+[-+.]?\d[-+\d.eE;,\t ]*$", re.MULTILINE)
 
 
-class WrongFileError(HarnessError, ValueError):
-    """A command was given a file that is for another command."""
-
-
 def kind_of(path: Path) -> str | None:
     """Return the kind of a file, a key of `COMMANDS`; None if it is none of them, or none that can be read."""
     from looping_pendulum.measured.film import is_film
@@ -59,7 +55,7 @@ def takes(*kinds: str) -> Callable[[typer.Context, Any], Any]:
             if kind is not None and kind not in kinds:
                 needed = " or a ".join(kinds)
                 command = command_line(*COMMANDS[kind].split(), file)
-                raise WrongFileError(f"{file}: found a {kind}, needed a {needed}; with a {kind}, write: {command}")
+                raise HarnessError(f"{file}: found a {kind}, needed a {needed}; with a {kind}, write: {command}")
         return given
 
     return check

@@ -44,10 +44,6 @@ MIN_TIME_LIMIT = 0.1
 """Least time limit of a search that begins when the limit of its command is over already [s]."""
 
 
-class FirstLookError(HarnessError, ValueError):
-    """Tracked points contradict a study; the message says how to go on."""
-
-
 def look(
     source: Annotated[
         Path,
@@ -86,10 +82,10 @@ def look(
     """
     if source.suffix.lower() not in (".yaml", ".yml"):
         if track:
-            raise FirstLookError("--track: found it beside a table, needed a study of films; leave it out")
+            raise HarnessError("--track: found it beside a table, needed a study of films; leave it out")
         _look_at_table(source, settings or [], write, force=force)
     elif settings:
-        raise FirstLookError(f"{SET}: found it beside a study, needed a table; write such keys into the study's trial")
+        raise HarnessError(f"{SET}: found it beside a study, needed a table; write such keys into the study's trial")
     else:
         _look_at_study(source, out, write, force=force, track=track)
 
@@ -164,7 +160,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     for name, path in plain.items():
         _write_plain(check.observations[name], path)
     if check.mistakes:
-        raise FirstLookError("; ".join(mistake.text for mistake in check.mistakes))
+        raise HarnessError("; ".join(mistake.text for mistake in check.mistakes))
     for name, observations in check.observations.items():
         unused: Counter[str] = Counter()
         for left_out in observations.unused:
@@ -205,7 +201,7 @@ def stop_at_mistakes(folder: Path) -> Iterator[None]:
     except DeclarationError as error:
         drawn = _write_picture(error.check, folder)
         seen = "" if drawn is None else f"; {drawn} shows it"
-        raise FirstLookError(f"{error}{seen}; correct the study, or search --anyway") from None
+        raise HarnessError(f"{error}{seen}; correct the study, or search --anyway") from None
 
 
 def _write_picture(check: DeclarationCheck, folder: Path) -> Path | None:
@@ -250,7 +246,7 @@ def identify(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=1.0),
+            parser=quantity("s", least="1 s"),
             help="Take at most this time [s]: end the search before, and report its results so far.",
         ),
     ] = None,
@@ -281,9 +277,7 @@ def identify(
     from looping_pendulum.measured.film import is_film
 
     folder = out or Path("report") / loaded.name
-    prepare_output_folder(
-        folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json"
-    )  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json")
     settle_films(loaded, track=track)
     if films := [path for trial in loaded.trials for path, _ in trial.files if is_film(path)]:
         note(films_in_words(len(films), time_limit))
@@ -292,12 +286,7 @@ def identify(
         result = find(loaded, seed=seed, progress=bars.update, time_limit=left, anyway=anyway)
     interrupted = result.verdict is Verdict.INTERRUPTED
     with without_interrupts():
-        folder = report_folder(
-            folder,
-            "verdict.json",
-            interrupted=interrupted,
-            was_interrupted=lambda verdict: verdict["verdict"] == Verdict.INTERRUPTED,
-        )
+        folder = report_folder(folder, "verdict.json", interrupted=interrupted)
         written = writing.write(result, folder)
     say_prose(f"{result.verdict.value}: {result.sentence}")
     for each in result.notes:

@@ -156,7 +156,7 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
     ] = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -167,22 +167,22 @@ def run(
     """
     from looping_pendulum.compare.harness import chosen_engines
     from looping_pendulum.compare.trajectories import trajectory_csv
-    from looping_pendulum.engines.isolation import parse_memory, run_all
+    from looping_pendulum.engines.isolation import run_all
     from looping_pendulum.engines.reference import ReferenceEngine
     from looping_pendulum.files import file_stems, prepare_output_folder, write_atomically
     from looping_pendulum.runs.outcome import outcome
 
-    chosen, memory_bytes = common.load_scenario(scenario), parse_memory(memory_limit)
+    chosen = common.load_scenario(scenario)
     wanted = chosen_engines(engine, profile) if engine else [ReferenceEngine(profile)]
     if out is not None:
-        prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
+        prepare_output_folder(out)
     with ProgressBars(time_left=True, keep=True) as bars:
         runs = run_all(
             wanted,
             chosen,
             jobs=jobs,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=memory_limit,
             progress=bars.update_engine,
             finished=bars.show_finished_run,
         )
@@ -260,7 +260,7 @@ def compare(
     marks: common.MarksFiles = None,
     marks_set: common.MarksSettings = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
     baseline: Annotated[
         Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier result (file or folder).")
@@ -292,13 +292,13 @@ def compare(
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*common.COMPARE_FILES, "changes.json"), folders=common.COMPARE_FOLDERS, record="result.json"
-    )  # refuse an unusable folder before the work, not after it
+    )
     limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
     result = common.run_and_compare(
         chosen, engine, profile, data=data, trial=trial, meanwhile=common.page_meanwhile(folder), **limits
     )
     changes = None if earlier is None else changes_since(earlier, result, source=str(baseline), relative=baseline_threshold)
-    folder = common.comparison_folder(folder, result)
+    folder = common.report_folder(folder, "result.json", interrupted=result.interrupted)
     written = write(result, folder, changes)
     show_table(*verdict_rows(result))
     common.show_residuals(result)

@@ -67,7 +67,7 @@ def map_(
         int | None, typer.Option(metavar="N", min=1, help="Refuse a map of more runs; default: 20 million, 20 000 of engines.")
     ] = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
 ) -> None:
@@ -79,8 +79,6 @@ def map_(
     looping-pendulum map quick --out report/quick-map
     To write your own:  looping-pendulum map quick --print > mine.yaml
     """
-    from looping_pendulum.engines.isolation import parse_memory
-    from looping_pendulum.files import prepare_output_folder
     from looping_pendulum.sweep import map_file, report, runner
     from looping_pendulum.sweep.dask_cluster import check_address
     from looping_pendulum.sweep.store import STORE
@@ -97,12 +95,7 @@ def map_(
         check_address(cluster)
     plan = map_file.load(file)
     map_file.refuse_unintended_size(plan, max_runs)
-    memory_bytes = parse_memory(memory_limit)
     folder = out or Path("report") / f"{plan.name}-map"
-    if folder.exists():
-        prepare_output_folder(
-            folder, files=(report.REPORT, report.COPY), folders=(STORE,), record=STORE
-        )  # refuse an unusable folder before the work, not after it
     _show_size(plan)
     with ProgressBars(time_left=True) as bars:
         outcome = runner.run_map(
@@ -112,7 +105,7 @@ def map_(
             cluster=cluster,
             figures=figures,
             time_limit=time_limit,
-            memory_limit=memory_bytes,
+            memory_limit=memory_limit,
             progress=_run_counter(bars),
         )
     show_json({"map": plan.name, "outcome": outcome, "report": folder / report.REPORT, "store": folder / STORE})

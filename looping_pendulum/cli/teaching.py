@@ -34,7 +34,7 @@ def demo(
     force: common.Force = False,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = "2 GiB",
+    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
     jobs: common.Jobs = None,
 ) -> None:
     """Animate the reference and all engines together, on the page of `live`, which works offline.
@@ -62,13 +62,13 @@ def demo(
     folder = out or Path("report") / chosen.name
     prepare_output_folder(
         folder, files=(*common.COMPARE_FILES, pages.FILE), folders=common.COMPARE_FOLDERS, record="result.json"
-    )  # refuse an unusable folder before the work, not after it
+    )
     engines = chosen_engines(engine or (), profile)
     result = None if again else stored_result(folder, chosen, engines)
     if result is None:
         limits: dict[str, Any] = {"time_limit": time_limit, "memory_limit": memory_limit, "jobs": jobs}
         result = common.run_and_compare(chosen, engine, profile, trial=trial, **limits)
-        folder = common.comparison_folder(folder, result)
+        folder = common.report_folder(folder, "result.json", interrupted=result.interrupted)
         write(result, folder)
     else:
         note(f"{folder} has the results of this input; use --again to run the engines again")
@@ -110,10 +110,11 @@ def tracker(
         ),
     ] = None,
     fps: Annotated[
-        float, typer.Option(metavar="RATE", parser=quantity("Hz"), help="True frame rate of the video [Hz].")
+        float, typer.Option(metavar="RATE", parser=quantity("Hz", least="0.01 Hz"), help="True frame rate of the video [Hz].")
     ] = 240.0,
     start: Annotated[
-        float, typer.Option(metavar="TIME", parser=quantity("s"), help="Time of the release by the video's clock [s].")
+        float,
+        typer.Option(metavar="TIME", parser=quantity("s", least="0 s"), help="Time of the release by the video's clock [s]."),
     ] = 0.0,
     profile: common.ProfileName = Profile.QUICK,
     out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write; default: NAME-tracker.csv.")] = None,
@@ -127,15 +128,15 @@ def tracker(
     looping-pendulum tracker ten_to_one --fps 240 --start 0.35 --out overlay.csv
     """
     from looping_pendulum.files import file_stem, prepare_output_file, write_atomically
-    from looping_pendulum.teaching.tracker import find_motion, overlay
+    from looping_pendulum.teaching.tracker import find_motion, overlay, tracker_csv
 
     path = out or Path(f"{file_stem(Path(source).stem, engine or '')}-tracker.csv")
     prepare_output_file(path, force=force)
-    frames = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
-    write_atomically(path, frames.to_csv())
-    last = frames.first_frame + len(frames.t) - 1
-    say(f"wrote {path}: {frames.name}; one row per frame, frames {frames.first_frame} to {last} at {fps:g} a second")
-    say(f"In Tracker's Model Builder, set the start frame to {frames.first_frame}.")
+    first, rows = overlay(find_motion(source, engine, profile), frame_rate=fps, start=start)
+    write_atomically(path, tracker_csv(rows))
+    last = first + len(rows) - 1
+    say(f"wrote {path}: {engine or 'reference'} of {source}; one row per frame, frames {first} to {last} at {fps:g} a second")
+    say(f"In Tracker's Model Builder, set the start frame to {first}.")
 
 
 def init(
@@ -179,7 +180,7 @@ def demonstrations(
         for demonstration in chosen:
             say(f"{demonstration.name:24} {demonstration.title}")
         return
-    prepare_output_folder(out)  # refuse an unusable folder before the work, not after it
+    prepare_output_folder(out)
     runs = []
     for demonstration in chosen:
         say(f"{demonstration.title}\n{demonstration.words['Question']}\n")
@@ -220,7 +221,7 @@ def live(
     from looping_pendulum.teaching import demo
 
     chosen = common.load_scenario(scenario)
-    prepare_output_file(out, force=force)  # refuse an unusable folder before the work, not after it
+    prepare_output_file(out, force=force)
     folder = results or Path("report") / chosen.name
     result = stored_result(folder, chosen, engines=None)
     if result is not None:

@@ -12,7 +12,7 @@ from looping_pendulum.cli.common import AsJson, Quiet
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json
-from looping_pendulum.errors import one_line, shorten
+from looping_pendulum.errors import shorten
 from looping_pendulum.measured.film import FilmError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def track(
         float | None,
         typer.Option(
             metavar="RATE",
-            parser=quantity("Hz", least=0.01),
+            parser=quantity("Hz", least="0.01 Hz"),
             help='True rate of slow motion whose file does not state it: "240 Hz".',
         ),
     ] = None,
@@ -49,11 +49,11 @@ def track(
     start: Annotated[
         float | None,
         typer.Option(
-            "--from", metavar="TIME", parser=quantity("s", least=0.0), help='Read the film from this time on: "1.5 s".'
+            "--from", metavar="TIME", parser=quantity("s", least="0 s"), help='Read the film from this time on: "1.5 s".'
         ),
     ] = None,
     end: Annotated[
-        float | None, typer.Option("--to", metavar="TIME", parser=quantity("s", least=0.0), help="Read it up to this time.")
+        float | None, typer.Option("--to", metavar="TIME", parser=quantity("s", least="0 s"), help="Read it up to this time.")
     ] = None,
     region: Annotated[
         str | None, typer.Option(metavar="X,Y X,Y", help="Look for the masses in this rectangle only [pixels].")
@@ -62,7 +62,7 @@ def track(
         float | None,
         typer.Option(
             metavar="TIME",
-            parser=quantity("s", least=0.0),
+            parser=quantity("s", least="0 s"),
             help='Of a rolling shutter, from the first row to the last: "10 ms".',
         ),
     ] = None,
@@ -153,7 +153,7 @@ def numbers_of(option: str, text: str | None, example: str) -> tuple[float, ...]
         return None
     match = re.fullmatch(re.sub(r"\d+", lambda _: NUMBER, example), " ".join(text.split()))
     if match is None:
-        raise FilmError(one_line(f"{option}: found '{shorten(text)}', needed pixels; write for example {option} \"{example}\""))
+        raise FilmError(f"{option}: found '{shorten(text)}', needed pixels; write for example {option} \"{example}\"")
     return tuple(float(number) for number in match.groups())
 
 
@@ -176,5 +176,5 @@ def rule_of(text: str) -> ScaleRule:
         rule = None
     if rule is None or not rule.pixels:
         needed = 'two places in pixels and their distance; write for example --scale "640,120 640,920 = 1 m"'
-        raise FilmError(one_line(f"--scale: found '{shorten(text)}', needed {needed}"))
+        raise FilmError(f"--scale: found '{shorten(text)}', needed {needed}")
     return rule

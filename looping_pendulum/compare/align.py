@@ -19,12 +19,12 @@ from looping_pendulum.reference_ode.solve import DURATION
 from looping_pendulum.runs.events import MIN_REST, Landmarks, exact_landmarks, extrema, run_landmarks
 from looping_pendulum.runs.trajectory import (
     SAME_TIME,
-    SAMPLE_INTERVAL,
     UNKNOWN_MODE,
     RunStatus,
     Trajectory,
     finite_length,
     first_samples,
+    sample_times,
 )
 
 Reference = Callable[[Array], Trajectory]
@@ -114,11 +114,11 @@ def reference_landmarks(reference: Reference, grid: Array) -> Landmarks:
 
 
 class SampledReference:
-    """The reference's run, sampled every `SAMPLE_INTERVAL` and cut like an engine's, so that both are read in the same way."""
+    """The reference's run, sampled as often and cut like an engine's, so that both are read in the same way."""
 
     def __init__(self, reference: Reference, parameters: Parameters) -> None:
         # As long as the reference goes, because only what follows it shows whether a rest is the halt
-        whole = reference(np.arange(round(DURATION / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL)
+        whole = reference(sample_times(DURATION))
         ended = any(event.name == "light_reaches_rod" for event in whole.events)
         self.parameters = parameters
         # The detector takes a rest for a confirmed halt by this status, as it does for an engine's run

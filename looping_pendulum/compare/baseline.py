@@ -37,6 +37,8 @@ LANDMARK_UNITS = {
     "wrap_angle_at_halt": "rad",
 }
 """Key of a landmark, or of a part of one -> SI unit, of those that are measured."""
+LARGEST_NUMBER = 10**308
+"""Numbers from here on are compared as texts."""
 MAX_CONSOLE_CHANGES = 40
 """Largest number of changes that the terminal shows; the report has all."""
 REFERENCE, SCENARIO = "reference", "scenario"
@@ -195,7 +197,8 @@ def _tolerance(keys: Keys, unit: str, was: Any, relative: float) -> float:
 
 
 def _is_number(value: Any) -> TypeGuard[float]:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    # A whole number of hundreds of digits, which JSON may hold, cannot be calculated with
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) < LARGEST_NUMBER
 
 
 def _cell(value: Any, unit: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import datetime
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -30,15 +30,14 @@ from looping_pendulum.compare.simple_mistakes import simple_mistake, velocity_mi
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
 from looping_pendulum.measured.tables.events import MeasuredEventRow
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.events import Landmarks, event_value, run_landmarks
 from looping_pendulum.runs.trajectory import (
     SAME_TIME,
-    SAMPLE_INTERVAL,
     RunStatus,
     Trajectory,
     finite_length,
     first_samples,
+    sample_times,
 )
 from looping_pendulum.scenarios.metrics import METRICS
 from looping_pendulum.scenarios.scenario import Scenario, Tolerance
@@ -62,8 +61,7 @@ def compare(
     trajectories
         One per engine, including failed and missing ones: they keep their row.
     """
-    # Whole numbers times the interval: with a fractional step, np.arange may or may not include the end, by rounding
-    grid: Array = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
+    grid = sample_times(scenario.duration)
     reference_run = reference(grid)
     exact_landmarks = reference_landmarks(reference, grid)
     sampled = SampledReference(reference, scenario.parameters)
@@ -71,6 +69,7 @@ def compare(
     # A run that broke down may end in NaN; what it has before is compared
     aligned = tuple(align(first_samples(run, finite_length(run)), reference) for run in runs)
     engines = tuple(_engine(run, a, scenario, reference, reference_run, sampled) for run, a in zip(runs, aligned, strict=True))
+    judged = {(e.label, e.profile): e for e in engines}
     return ComparisonResult(
         scenario=scenario.name,
         title=scenario.title,
@@ -88,7 +87,9 @@ def compare(
             provenance=stored_provenance(reference_run.provenance),
         ),
         engines=engines,
-        tolerances=judge(scenario.tolerances, engines),
+        tolerances=tuple(
+            judge_tolerance(t, judged[t.engine, t.profile]) for t in scenario.tolerances if (t.engine, t.profile) in judged
+        ),
         measured=_measured(measured, exact_landmarks, engines),
         measured_source="" if scenario.measured is None else scenario.measured.source,
         clock=Clock(
@@ -220,15 +221,6 @@ def _measured(
         )
         for row in rows
     )
-
-
-def judge(tolerances: Iterable[Tolerance], engines: Iterable[EngineResult]) -> tuple[ToleranceResult, ...]:
-    """Judge each tolerance whose engine and profile are among ``engines``.
-
-    Tolerances of engines that were not run are left out.
-    """
-    runs = {(e.label, e.profile): e for e in engines}
-    return tuple(judge_tolerance(t, runs[t.engine, t.profile]) for t in tolerances if (t.engine, t.profile) in runs)
 
 
 def judge_tolerance(tolerance: Tolerance, run: EngineResult) -> ToleranceResult:

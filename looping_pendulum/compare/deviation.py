@@ -14,7 +14,7 @@ from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import SAME_TIME, UNKNOWN_MODE, Trajectory, TrajectoryEvent
 
-TUBE = (5e-3, 5e-3)
+HALF_TIME, HALF_WIDTH = 5e-3, 5e-3
 """Half-widths of the tube in time [s] and distance [m]: half of the last digit that the paper prints of each."""
 
 DEPARTURE_THRESHOLDS = (1e-3, 1e-2)
@@ -109,13 +109,13 @@ def mode_description(mode: int) -> str:
     return "the mode of the reference is unknown" if mode == UNKNOWN_MODE else descriptions[Mode(mode)]
 
 
-def evaluate_tube(aligned: Aligned, reference: Reference, half_time: float = TUBE[0], half_width: float = TUBE[1]) -> Tube:
+def evaluate_tube(aligned: Aligned, reference: Reference) -> Tube:
     """Test which samples lie in a tube around the reference, in time and amplitude (as Modelica's csv-compare does).
 
-    A sample is inside if some point of the reference's path, within +/- ``half_time`` of its time, is within ``half_width``.
+    A sample is inside if some point of the reference's path, within `HALF_TIME` of its time, is within `HALF_WIDTH`.
     """
-    parts = 10  # The reference's path is taken as chords of a tenth of half_time: they miss an arc by microns.
-    offsets = np.linspace(-half_time, half_time, 2 * parts + 1)
+    parts = 10  # The reference's path is taken as chords of a tenth of it: they miss an arc by microns.
+    offsets = np.linspace(-HALF_TIME, HALF_TIME, 2 * parts + 1)
     times = aligned.t[:, None] + offsets[None, :]
     path = sample_reference(reference, times.ravel()).light_position.reshape(*times.shape, 2)
     # Before the release and after the reference's end its path is a point: repeat the nearest known one.
@@ -126,12 +126,12 @@ def evaluate_tube(aligned: Aligned, reference: Reference, half_time: float = TUB
     length_squared = np.maximum((chord**2).sum(axis=2), 1e-30)  # a chord of length 0 must not divide 0 by 0
     fraction_along = np.clip((to_sample * chord).sum(axis=2) / length_squared, 0.0, 1.0)
     distance = np.hypot(*np.moveaxis(to_sample - fraction_along[..., None] * chord, 2, 0))
-    inside = np.asarray((distance <= half_width).any(axis=1))
+    inside = np.asarray((distance <= HALF_WIDTH).any(axis=1))
     outside = known & ~inside
     compared = int(known.sum())
     return Tube(
-        half_time=half_time,
-        half_width=half_width,
+        half_time=HALF_TIME,
+        half_width=HALF_WIDTH,
         compared=compared,
         fraction=float((known & inside).sum() / compared) if compared else None,
         first_exit=float(aligned.t[np.argmax(outside)]) if outside.any() else None,
@@ -170,8 +170,8 @@ def _departure(aligned: Aligned, i: int, threshold: float, events: tuple[Traject
         after=after,
         after_time=after_time,
         # Lengths and angles are NaN where there is no string
-        along=_finite(run.free_length[i] - free_length) or 0.0,
-        across=_finite(free_length * angle_error) or 0.0,
+        along=float(np.nan_to_num(run.free_length[i] - free_length)),
+        across=float(np.nan_to_num(free_length * angle_error)),
         heavy=float(aligned.heavy_deviation[i]),
         stretch=largest_stretch(stretch[: i + 1]),
     )
@@ -212,7 +212,3 @@ def growth_rate(departures: tuple[Departure, ...]) -> float | None:
     if len(departures) < 2 or departures[-1].time <= departures[0].time:
         return None
     return math.log(departures[-1].threshold / departures[0].threshold) / (departures[-1].time - departures[0].time)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -11,14 +11,15 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self, TypeVar
 
 import numpy as np
-from pydantic import PlainValidator, TypeAdapter, ValidationError, WithJsonSchema
+from pydantic import ConfigDict, PlainValidator, TypeAdapter, ValidationError, WithJsonSchema
 from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import from_json
 
 from looping_pendulum.errors import ResultError, one_line
 from looping_pendulum.files import read_file, utf8
 from looping_pendulum.installation import command_line
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
-from looping_pendulum.scenarios.document import quote, shorten
+from looping_pendulum.scenarios.document import quote
 
 T = TypeVar("T")
 Keys = tuple[str, ...]
@@ -27,8 +28,6 @@ LENGTH = "how many"
 """Key that a list's length has beside its numbered items."""
 MAX_BYTES = 64 * 1024 * 1024
 """Largest size of a result's file [bytes]; the result of a dozen engines has 0.2 MiB."""
-MAX_DIGITS = 300
-"""Most digits of a whole number, as a floating-point number has at most about so many."""
 
 
 def plain(value: Any) -> Any:
@@ -93,53 +92,6 @@ def file_schema(
     return schema | {"properties": {"schema": key} | written, "required": ["schema", *required]}
 
 
-def load(cls: type[T], text: str, schema_id: str, version: int, *, file: str, rewrite_hint: str) -> T:
-    """Read `dump`'s text back as ``cls``.
-
-    Parameters
-    ----------
-    file, rewrite_hint
-        Name of the file and a way to write it again, both for the messages of errors.
-    """
-    try:
-        # By default Python reads NaN and Infinity, which are not JSON, and 1e999 as infinite
-        tree = json.loads(text, parse_float=_finite, parse_constant=_finite, parse_int=_whole)
-    # First, as it is a ValueError, too, and knows the line
-    except json.JSONDecodeError as error:
-        raise ResultError(f"{file}: line {error.lineno}: {error.msg}; {rewrite_hint}") from None
-    except ValueError as error:
-        raise ResultError(f"{file}: {error}; {rewrite_hint}") from None
-    except RecursionError:
-        raise ResultError(f"{file}: found nesting without end, needed a result; {rewrite_hint}") from None
-    schema = tree.get("schema") if isinstance(tree, dict) else None
-    if not isinstance(schema, dict) or schema.get("id") != schema_id:
-        raise ResultError(f"{file}: schema: found {utf8(quote(schema)).decode()}, needed the id {schema_id!r}")
-    if not isinstance(schema.get("version"), int) or not 0 < schema["version"] <= version:
-        mismatch = f"found version {quote(schema.get('version'))}, needed {version} or less"
-        raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
-    try:
-        # From the text: strict about types, it takes what JSON has no type for, tuples and enums, only there
-        return TypeAdapter(cls).validate_json(text, strict=True)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        where = ".".join(map(str, first["loc"])) or "the file"
-        what = f"found {quote(first['input'])}; {first['msg'][:1].lower()}{first['msg'][1:]}"
-        raise ResultError(one_line(f"{file}: not as documented: {where}: {what}; {rewrite_hint}")) from None
-
-
-def _finite(digits: str) -> float:
-    value = float(digits)
-    if not math.isfinite(value):
-        raise ValueError(f"found {shorten(digits)}, needed a finite number")
-    return value
-
-
-def _whole(digits: str) -> int:
-    if len(digits) > MAX_DIGITS:
-        raise ValueError(f"found a whole number of {len(digits)} digits, needed at most {MAX_DIGITS}")
-    return int(digits)
-
-
 def _read_parameters(tree: Any) -> Parameters:
     """Return the parameters that `plain` has written."""
     try:
@@ -155,6 +107,7 @@ StoredParameters = Annotated[Parameters, PlainValidator(_read_parameters), WithJ
 class JsonResult:
     """Base of a result that is one JSON file; a frozen dataclass that derives from it names the file's schema."""
 
+    __pydantic_config__ = ConfigDict(allow_inf_nan=False)
     SCHEMA_ID: ClassVar[str]
     SCHEMA_VERSION: ClassVar[int]
     FILE: ClassVar[str] = "result.json"
@@ -179,7 +132,26 @@ class JsonResult:
         ResultError
             If the text is not such a result, or is of a later version.
         """
-        return load(cls, text, cls.SCHEMA_ID, cls.SCHEMA_VERSION, file=file or cls.FILE, rewrite_hint=cls._hint())
+        file = file or cls.FILE
+        try:
+            tree = from_json(text, allow_inf_nan=False)
+        except ValueError as error:
+            raise ResultError(f"{file}: {error}; {cls._hint()}") from None
+        schema = tree.get("schema") if isinstance(tree, dict) else None
+        if not isinstance(schema, dict) or schema.get("id") != cls.SCHEMA_ID:
+            raise ResultError(f"{file}: schema: found {quote(schema)}, needed the id {cls.SCHEMA_ID!r}")
+        version = schema.get("version")
+        if not isinstance(version, int) or not 0 < version <= cls.SCHEMA_VERSION:
+            mismatch = f"found version {quote(version)}, needed {cls.SCHEMA_VERSION} or less"
+            raise ResultError(f"{file}: schema: {mismatch}; update looping-pendulum")
+        try:
+            # From the text: strict about types, it takes what JSON has no type for, tuples and enums, only there
+            return TypeAdapter(cls).validate_json(text, strict=True)
+        except ValidationError as error:
+            first = error.errors(include_url=False)[0]
+            where = ".".join(map(str, first["loc"])) or "the file"
+            what = f"found {quote(first['input'])}; {first['msg'][:1].lower()}{first['msg'][1:]}"
+            raise ResultError(one_line(f"{file}: not as documented: {where}: {what}; {cls._hint()}")) from None
 
     @classmethod
     def read(cls, path: Path) -> Self:

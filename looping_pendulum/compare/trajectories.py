@@ -16,56 +16,40 @@ from looping_pendulum.compare.result import ComparisonResult, ResultSamples
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import TrialComparison, residual
 from looping_pendulum.engines.protocol import Engine
-from looping_pendulum.errors import ResultError
+from looping_pendulum.engines.reference import Reference
+from looping_pendulum.errors import HarnessError, ResultError
 from looping_pendulum.files import file_stems
-from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
-    SAME_TIME,
+    ROW,
     UNKNOWN_MODE,
     RunStatus,
     Trajectory,
-    TrajectoryEvent,
+    from_samples,
+    sample_rows,
+    sample_times,
 )
 from looping_pendulum.scenarios.scenario import Scenario
 
-CSV_COLUMNS = (
-    ("t [s]", "t", 0),
-    ("light_x [m]", "light_position", 0),
-    ("light_y [m]", "light_position", 1),
-    ("light_vx [m/s]", "light_velocity", 0),
-    ("light_vy [m/s]", "light_velocity", 1),
-    ("heavy_x [m]", "heavy_position", 0),
-    ("heavy_y [m]", "heavy_position", 1),
-    ("heavy_vx [m/s]", "heavy_velocity", 0),
-    ("heavy_vy [m/s]", "heavy_velocity", 1),
-    ("free_length [m]", "free_length", 0),
-    ("wrap_angle [rad]", "wrap_angle", 0),
-    ("string_stretch [m]", "string_stretch", 0),
-    ("string_slip [m]", "string_slip", 0),
-    ("light_tension [N]", "light_tension", 0),
-    ("heavy_tension [N]", "heavy_tension", 0),
+CSV_UNITS = (
+    {"t": "s", "light_x": "m", "light_y": "m", "light_vx": "m/s", "light_vy": "m/s"}
+    | {"heavy_x": "m", "heavy_y": "m", "heavy_vx": "m/s", "heavy_vy": "m/s", "free_length": "m", "wrap_angle": "rad"}
+    | {"string_stretch": "m", "string_slip": "m", "light_tension": "N", "heavy_tension": "N"}
 )
-"""Header with unit, field of `Trajectory` and component of it; a last column ``mode`` has the name of the mode."""
-CSV_HEADER = [*(name for name, _, _ in CSV_COLUMNS), "mode"]
-NOT_ALWAYS_KNOWN = ("string_slip", "light_tension", "heavy_tension")
-"""Fields that are None where the engine does not report them."""
+"""Column of numbers -> its unit; a last column ``mode`` has the name of the mode."""
+CSV_HEADER = [*(f"{name} [{unit}]" for name, unit in CSV_UNITS.items()), "mode"]
+PLACES = [ROW.index(name) for name in CSV_UNITS]
+"""Place of each column in a row of one sample."""
 RETRIED_STATUSES = (RunStatus.INTERRUPTED, RunStatus.TIME_LIMIT, RunStatus.MEMORY_LIMIT)
 """Statuses of runs that are made again, because another try may succeed."""
 
 
 def trajectory_csv(run: Trajectory) -> str:
     """Return CSV text, one line per sample, with nine significant digits (a nanometre in a metre); unknown values are empty."""
-    columns = []
-    for _, field, component in CSV_COLUMNS:
-        values = getattr(run, field)
-        if values is None:
-            values = np.full(len(run.t), np.nan)
-        columns.append(values if values.ndim == 1 else values[:, component])
     out = io.StringIO()
     out.write(",".join(CSV_HEADER) + "\n")
     modes = {int(mode): mode.name.lower() for mode in Mode} | {UNKNOWN_MODE: ""}
-    for row, mode in zip(np.stack(columns, axis=1).tolist(), run.mode.tolist(), strict=True):
+    for row, mode in zip(sample_rows(run)[:, PLACES].tolist(), run.mode.tolist(), strict=True):
         cells = ["" if value != value else f"{value:.9g}" for value in row]  # only NaN differs from itself
         out.write(",".join([*cells, modes[mode]]) + "\n")
     return out.getvalue()
@@ -112,37 +96,20 @@ def stored_result(folder: Path, scenario: Scenario, engines: Sequence[Engine] | 
                 return None
             if any(RunStatus[engine.status] in RETRIED_STATUSES for engine in result.engines):
                 return None
-        return dataclasses.replace(result, samples=_samples(result, folder / "trajectories"))
+        return dataclasses.replace(result, samples=_samples(result, scenario, folder / "trajectories"))
     # Whatever is wrong with the files, making the runs again repairs it
-    except (OSError, ValueError, KeyError, IndexError, ResultError):
+    except (OSError, ValueError, KeyError, IndexError, HarnessError):
         return None
 
 
-def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
-    """Read the trajectories of ``result`` from their CSV files."""
-    exact = result.reference
-    reference = _trajectory(
-        folder / "reference.csv",
-        engine=exact.engine,
-        variant=exact.variant,
-        profile="",
-        scenario=result.scenario,
-        events=tuple(TrajectoryEvent(name=name, time=time) for name, time in exact.events),
-        provenance=exact.provenance,
-    )
-
-    def at(times: Array) -> Trajectory:
-        # Times were rounded when the files were written, so that equal ones may differ in their last digits
-        place = np.clip(np.searchsorted(reference.t, times - SAME_TIME), 0, len(reference.t) - 1)
-        known = place[np.abs(reference.t[place] - times) < SAME_TIME]
-        sampled = ((f.name, getattr(reference, f.name)) for f in dataclasses.fields(reference))
-        changed: dict[str, Any] = {name: value[known] for name, value in sampled if isinstance(value, np.ndarray)}
-        return dataclasses.replace(reference, **changed)
-
+def _samples(result: ComparisonResult, scenario: Scenario, folder: Path) -> ResultSamples:
+    """Read the trajectories of the engines of ``result`` from their CSV files; the reference is solved again."""
+    reference = Reference(scenario)
     runs = [
         _trajectory(
             # A run without samples has no file
             folder / file if e.samples else None,
+            parameters=result.parameters,
             engine=e.engine,
             variant=e.variant,
             profile=e.profile,
@@ -153,7 +120,9 @@ def _samples(result: ComparisonResult, folder: Path) -> ResultSamples:
         )
         for e, file in zip(result.engines, trajectory_files(result), strict=True)
     ]
-    return ResultSamples(reference=reference, aligned=tuple(align(run, at) for run in runs))
+    return ResultSamples(
+        reference=reference(sample_times(result.duration)), aligned=tuple(align(run, reference) for run in runs)
+    )
 
 
 def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
@@ -161,12 +130,9 @@ def _trajectory(path: Path | None, **fields: Any) -> Trajectory:
     lines = [] if path is None else path.read_text(encoding="utf-8").splitlines()
     if lines and lines[0].split(",") != CSV_HEADER:
         raise ResultError(f"{path}: found other columns, needed {','.join(CSV_HEADER)}")
-    cells = [line.split(",") for line in lines[1:]]
-    width = len(CSV_COLUMNS)
-    numbers = np.array([[float(c) if c else np.nan for c in row[:width]] for row in cells]).reshape(-1, width)
-    for field in dict.fromkeys(field for _, field, _ in CSV_COLUMNS):
-        values = numbers[:, [field == one for _, one, _ in CSV_COLUMNS]]
-        fields[field] = values if values.shape[1] > 1 else values[:, 0]
-    fields |= {field: None for field in NOT_ALWAYS_KNOWN if np.isnan(fields[field]).all()}
-    modes = [UNKNOWN_MODE if not row[-1] else Mode[row[-1].upper()] for row in cells]
-    return Trajectory(mode=np.array(modes, dtype=np.int8), **fields)
+    rows = np.full((max(len(lines) - 1, 0), len(ROW)), np.nan)
+    for row, line in zip(rows, lines[1:], strict=True):
+        *numbers, mode = line.split(",")
+        row[PLACES] = [float(cell) if cell else np.nan for cell in numbers]
+        row[ROW.index("mode")] = Mode[mode.upper()] if mode else np.nan
+    return from_samples(rows, **fields)

@@ -26,10 +26,6 @@ LEAD = (
 )
 
 
-class DemonstrationError(HarnessError, ValueError):
-    """A demonstration cannot be run."""
-
-
 @dataclass(frozen=True)
 class Demonstration:
     """One of the scripts."""
@@ -99,7 +95,7 @@ def find_demonstrations(names: Sequence[str]) -> list[Demonstration]:
 
     Raises
     ------
-    DemonstrationError
+    HarnessError
         If a name is unknown.
     """
     known: dict[str, Demonstration] = {}
@@ -108,7 +104,7 @@ def find_demonstrations(names: Sequence[str]) -> list[Demonstration]:
         known |= {one.name: one, words: one, number: one, number.lstrip("0"): one}
     for name in names:
         if name not in known:
-            raise DemonstrationError(
+            raise HarnessError(
                 f"found no demonstration {name!r}, needed one of {', '.join(one.name for one in demonstrations())}"
             )
     return [known[name] for name in names] or demonstrations()

@@ -11,7 +11,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Abilities, StepGroups
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, Ladder
+from looping_pendulum.engines.studies import Ladder, Variation
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.geometry import light_position
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -35,8 +35,8 @@ NO_STOP = (
 """Sentences on limits that several chain variants share."""
 
 CORNER_CHOICES = (
-    AdapterChoice("contact friction", "corrected for the corners", "mu itself", {"polygon_friction": False}),
-    AdapterChoice("circle of the beads", "corrected for the corners", "R itself", {"polygon_radius": False}),
+    Variation("contact friction", "corrected for the corners", "mu itself", {"polygon_friction": False}),
+    Variation("circle of the beads", "corrected for the corners", "R itself", {"polygon_radius": False}),
 )
 """Choices of an adapter that corrects contacts for the corners of the chain (`polygon_friction`, `polygon_radius`)."""
 
@@ -53,8 +53,6 @@ Through a rod of 1.2 mm the chain of pymunk slips (10:1, 110 deg), through one o
 class BeadChainSettings(StepGroups):
     """Numerical settings that bead chains of several engines share, in SI units."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval."""
     bend: float
     """Angle between neighbouring links on the rod [rad]; a link is R times this long."""
     bead_mass_ratio: float
@@ -77,14 +75,12 @@ class BeadChainSettings(StepGroups):
         return polygon_friction(friction, self.bend) if self.polygon_friction else friction
 
 
-def bead_choices(settings: BeadChainSettings) -> tuple[AdapterChoice, ...]:
+def bead_choices(settings: BeadChainSettings) -> tuple[Variation, ...]:
     """Return the choices that every adapter of beads makes: about the corners, the beads, and how often they are updated."""
     return (
         *CORNER_CHOICES,
-        AdapterChoice("bead radius", quantity(settings.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
-        AdapterChoice(
-            "steps between two updates of drag and beads", f"{settings.steps_per_group}", "1", {"steps_per_group": 1}
-        ),
+        Variation("bead radius", quantity(settings.bead_radius, "m", 3), "0.5 mm", {"bead_radius": 5e-4}),
+        Variation("steps between two updates of drag and beads", f"{settings.steps_per_group}", "1", {"steps_per_group": 1}),
     )
 
 

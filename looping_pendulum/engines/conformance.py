@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 import pickle
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,7 +29,7 @@ from looping_pendulum.reference_ode.effects import EFFECTS
 from looping_pendulum.reference_ode.geometry import Array, light_position
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.reference_ode.solve import solve_at
-from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, RunStatus, Trajectory
+from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, RunStatus, Trajectory, sample_times
 from looping_pendulum.scenarios.scenario import Scenario
 
 Check = Callable[[Engine], None]
@@ -187,7 +186,7 @@ def samples_every_millisecond_from_rest(engine: Engine) -> None:
 
 
 def _assert_samples_to_the_end(run: Trajectory, duration: float) -> None:
-    times = np.arange(round(duration / SAMPLE_INTERVAL) + 1) * SAMPLE_INTERVAL
+    times = sample_times(duration)
     assert len(run.t) == len(times), f"{len(run.t)} samples of {duration} s, needed {len(times)}"
     assert np.allclose(run.t, times, rtol=0, atol=1e-12), "sample times"
 
@@ -480,21 +479,10 @@ The engine's own error is the same with and without the effect, so it cancels in
 """
 
 
-_cached_runs: deque[tuple[Parameters, Array, Array]] = deque(maxlen=64)
-"""Parameters, times and positions of the reference's last runs; every engine is compared with the same few."""
-
-
 def reference_positions(p: Parameters, t: Array) -> Array:
     """Return light x, light y and heavy y of the reference at times ``t`` [s], shape (n, 3) [m]; fewer if it ends sooner."""
-    # A search, because parameters and arrays cannot be hashed
-    for cached, times, reference in _cached_runs:
-        if np.array_equal(times, t) and cached == p:
-            return reference
     run = solve_at(p, t, duration=float(t[-1]) + EXTRA_TIME, tolerance=TOLERANCE)
-    reference = np.column_stack([run.light_position, run.heavy_position[:, 1]])
-    reference.flags.writeable = False  # the next caller gets the same array
-    _cached_runs.append((p, t.copy(), reference))
-    return reference
+    return np.column_stack([run.light_position, run.heavy_position[:, 1]])
 
 
 def positions(run: Trajectory) -> Array:
@@ -554,20 +542,15 @@ def error_is_covered_by_refinement(engine: Engine) -> None:
 
 def usable_ladders(engine: Engine) -> list[Ladder]:
     """Return the ladders of at least two rungs whose setting has a positive value in the engine's settings."""
-    return [ladder for ladder in engine.studies().ladders if len(ladder.values) > 1 and _own_value(engine, ladder) > 0]
-
-
-def _own_value(engine: Engine, ladder: Ladder) -> float:
-    """Return the engine's value of the ladder's setting; NaN if it has none that is a number."""
-    value = getattr(engine.settings, ladder.setting, None)
-    return float(value) if isinstance(value, (int, float)) else math.nan
+    ladders = engine.studies().ladders
+    return [ladder for ladder in ladders if len(ladder.values) > 1 and (ladder.own_value(engine.settings) or 0.0) > 0]
 
 
 def _adjacent_rung(engine: Engine, ladder: Ladder) -> tuple[float, Engine]:
     """Return the engine of the next finer rung, else of the next coarser one, and its step size relative to the own one."""
     # A setting such as a number of iterations is finer where it is larger.
     grows = ladder.values[-1] > ladder.values[0]
-    own = _own_value(engine, ladder)
+    own = getattr(engine.settings, ladder.setting)
     ratios = [own / value if grows else value / own for value in ladder.values]
     finer = [i for i, ratio in enumerate(ratios) if ratio < 1 - 1e-9]
     coarser = [i for i, ratio in enumerate(ratios) if ratio > 1 + 1e-9]

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
@@ -18,7 +17,6 @@ from typing import Any
 
 from looping_pendulum.engines import FACTS_FILE
 from looping_pendulum.errors import EngineError
-from looping_pendulum.files import write_atomically
 from looping_pendulum.pages.numbers import amount
 from looping_pendulum.pages.palette import COLOUR_NAMES, MARKERS
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -27,8 +25,6 @@ ROUNDING_MARGIN = 1e-9
 """Relative margin of a bound, so that rounding does not put a scenario at the very edge outside the range."""
 SIGNIFICANT_DIGITS = 2
 """Significant digits of an error in a sentence; whole millimetres are not rounded further."""
-LONGEST_LINE = 110
-"""Longest line to which a list or an object is joined in a file of facts."""
 
 
 # ---- quantities and errors of a measured range
@@ -162,8 +158,6 @@ class VariantFacts:
     measured: tuple[ValidatedRange, ...] = ()
     known_failures: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Measured reason -> the checks of `conformance` that the variant fails by it; see `Abilities.known_failures`."""
-    quick_cost: float | None = None
-    """As in `Abilities`; None: not measured."""
 
     @property
     def failed_checks(self) -> dict[str, str]:
@@ -247,20 +241,3 @@ def own_facts(engine: str) -> EngineFacts:
 def facts_path(engine: str) -> Path:
     """Return the path of the facts of an engine of this package."""
     return Path(str(files(__package__).joinpath(engine, FACTS_FILE)))
-
-
-def write_measured(label: str, key: str, rows: Sequence[Any]) -> None:
-    """Replace the ``key``, "measured" or "additions", of the variant ``label``, "mujoco:beads", in its engine's facts."""
-    engine, _, variant = label.partition(":")
-    tree = json.loads(facts_path(engine).read_text(encoding="utf-8"))
-    tree["variants"][variant][key] = rows
-    # A short list or object, which holds no other, is a line
-    text = re.sub(r"[\[{][^\[\]{}]*[\]}]", _joined, json.dumps(tree, indent=1))
-    write_atomically(facts_path(engine), text + "\n")
-
-
-def _joined(match: re.Match[str]) -> str:
-    """Return a list or an object of several lines as one line, unless that is too long."""
-    line = " ".join(match[0].split())
-    line = line[0] + line[1:-1].strip() + line[-1]
-    return line if len(line) <= LONGEST_LINE else match[0]

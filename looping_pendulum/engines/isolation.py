@@ -19,8 +19,8 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
-from looping_pendulum.engines.worker import FAILURE, JOB
-from looping_pendulum.errors import EngineError, one_line, shorten
+from looping_pendulum.engines.worker import FAILURE, JOB, WORKER, simulate
+from looping_pendulum.errors import EngineError, shorten
 from looping_pendulum.pages.numbers import number
 from looping_pendulum.processes import (
     DISK_LIMIT,
@@ -36,9 +36,7 @@ from looping_pendulum.processes import (
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.storage import field_error, read_run, read_samples, recorded_count
 from looping_pendulum.runs.trajectory import COLUMNS, SAMPLE_INTERVAL, Provenance, RunStatus, Trajectory, from_samples
-from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.scenario import Scenario
-from looping_pendulum.scenarios.units import UnitError, to_si
 
 TIME_LIMIT = 900.0
 """Default time limit of one run [s]."""
@@ -53,8 +51,6 @@ NO_SAMPLES = np.empty((0, len(COLUMNS)))
 
 PREFIX = "looping-pendulum-"
 """Beginning of the name of a run's temporary folder."""
-MIN_MEMORY_LIMIT = 64 * 1024**2
-"""Smallest memory limit that is accepted [bytes]; Python with NumPy alone takes more than half of it."""
 MAX_RETURNED_OUTPUT = 2**16
 """How much of the end of an engine's output is returned [bytes]."""
 MAX_MESSAGE = 500
@@ -104,7 +100,7 @@ def run_isolated(
     if cancelled is not None and cancelled.is_set():
         return _unfinished(engine, scenario, RunStatus.INTERRUPTED, "")
     try:
-        job = pickle.dumps((engine, scenario, time_limit))
+        job = pickle.dumps((partial(simulate, engine, scenario), time_limit))
     # Another package's engine may hold anything, and raise anything on being pickled
     except Exception as error:
         why = f"it cannot be pickled for its process: {type(error).__name__}: {error}"
@@ -121,7 +117,7 @@ def run_isolated(
             folder = Path(path)
             (folder / JOB).write_bytes(job)
             ending = run_python(
-                "looping_pendulum.engines.worker:main",
+                WORKER,
                 folder,
                 time_limit=time_limit,
                 memory_limit=memory_limit,
@@ -198,7 +194,7 @@ def run_all(
 ) -> list[Trajectory]:
     """Run several engines in parallel, at most ``jobs`` at once (default: one per core), and return them in that order.
 
-    They start in `start_order`. Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with
+    They start in that order. Each run may take ``time_limit`` [s] and ``memory_limit`` [bytes]. ``finished`` is called with
     each trajectory, from the thread that waited for it; ``meanwhile`` with all those so far, in the engines' order and from the
     caller's thread, whenever more have ended while others go on. An interrupt (Ctrl-C) stops all runs that still go on; their
     trajectories have the status INTERRUPTED and the samples computed so far.
@@ -213,33 +209,18 @@ def run_all(
             finished(trajectory)
         return trajectory
 
-    workers = jobs or core_count()
-    order = start_order(engines, workers)
     shown = 0
-
-    def in_order(results: dict[int, Trajectory]) -> list[Trajectory]:
-        """Return the trajectories so far in the order of ``engines``."""
-        return [results[k] for k in sorted(results, key=order.__getitem__)]
 
     def show(results: dict[int, Trajectory]) -> None:
         nonlocal shown
         if meanwhile is not None and shown < len(results) < len(engines):
             shown = len(results)
-            meanwhile(in_order(results))
+            meanwhile([results[k] for k in sorted(results)])
 
-    ended = run_many([partial(run_one, engines[i]) for i in order], workers, cancelled=cancelled, meanwhile=show)
+    calls = [partial(run_one, engine) for engine in engines]
+    ended = run_many(calls, jobs or core_count(), cancelled=cancelled, meanwhile=show)
     # An interrupt leaves runs that had not begun; each of these, too, is reported
-    return in_order({k: ended[k] if k in ended else run_one(engines[i]) for k, i in enumerate(order)})
-
-
-def start_order(engines: Sequence[Engine], workers: int) -> list[int]:
-    """Return in which order the runs of ``engines`` start: the longest on all workers but one, and on that the shortest first.
-
-    So the longest are not left to run alone at the end, and there are results to show early.
-    """
-    shortest_first = sorted(range(len(engines)), key=lambda i: engines[i].abilities.quick_cost)
-    cut = max(0, len(engines) - (workers - 1))
-    return shortest_first[cut:][::-1] + shortest_first[:cut]
+    return [ended[k] if k in ended else run_one(engine) for k, engine in enumerate(engines)]
 
 
 def _unfinished(
@@ -255,26 +236,6 @@ def _unfinished(
         provenance=Provenance(versions={}, settings=vars(engine.settings), supplies=engine.abilities.supplies),
         **known_fields(engine, scenario),
     )
-
-
-def parse_memory(text: str) -> int:
-    """Return the number of bytes of a text such as "2 GiB".
-
-    Raises
-    ------
-    EngineError
-        If it is no amount of memory, or less than `MIN_MEMORY_LIMIT`.
-    """
-    try:
-        size = int(to_si(text, "byte"))
-    except UnitError:
-        message = f"--memory-limit: found {quote(text)}, needed an amount of memory; write for example '2 GiB'"
-        raise EngineError(one_line(message)) from None
-    if size < MIN_MEMORY_LIMIT:
-        minimum = format_memory(MIN_MEMORY_LIMIT)
-        message = f"--memory-limit: found {quote(text)}, needed {minimum} or more: Python with NumPy takes half"
-        raise EngineError(one_line(message))
-    return size
 
 
 def format_memory(amount: int) -> str:

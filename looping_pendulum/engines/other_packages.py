@@ -11,18 +11,21 @@ import dataclasses
 import io
 import pickle
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from importlib.metadata import EntryPoint
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, TypeVar
 
 from looping_pendulum.engines.facts import EngineFacts
 from looping_pendulum.engines.protocol import Abilities, Engine, Profile, RecordSample
 from looping_pendulum.engines.studies import Studies
+from looping_pendulum.engines.worker import FAILURE, JOB, WORKER
 from looping_pendulum.errors import EngineError
-from looping_pendulum.processes import Cause, end_with_parent, finish, run_python
+from looping_pendulum.files import write_atomically
+from looping_pendulum.processes import Cause, run_python
 from looping_pendulum.runs.trajectory import Trajectory, variant_label
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import source_digest
@@ -33,8 +36,8 @@ TIME_LIMIT = 30.0
 """Time that an adapter may take to be imported and described [s]; those of this package take half a second."""
 MEMORY_LIMIT = 2**30
 """Memory that it may take [bytes]."""
-POINT, DESCRIPTION = "entry_point.pickle", "description.pickle"
-"""Files in the folder of that process: which adapter it describes, and the `Description`, or a text that says what is wrong."""
+DESCRIPTION = "description.pickle"
+"""File to which that process writes the `Description`."""
 
 
 T = TypeVar("T")
@@ -46,6 +49,10 @@ class Description:
 
     engines: dict[Profile, list[StandIn]]
     facts: EngineFacts
+
+
+class Settings(SimpleNamespace):
+    """Settings of an engine of another package, whose own class this process does not import."""
 
 
 class StandIn:
@@ -61,31 +68,18 @@ class StandIn:
         The engine's, checked.
     """
 
-    # All else is in __dict__, of which the key of a cached run is made: settings that a change leaves as they are change no key
-    __slots__ = ("__dict__", "_changes", "_studies")
-
     def __init__(self, engine: Engine, adapter: tuple[str, str], abilities: Abilities, studies: Studies) -> None:
         self.name, self.variant, self.profile = adapter[0], str(engine.variant), Profile(engine.profile)
-        self.abilities, self.adapter = abilities, adapter
-        settings = [field.name for field in dataclasses.fields(engine.settings)]
-        self.fields = {name: _plain(getattr(engine.settings, name)) for name in settings}
+        self.abilities, self.adapter, self._studies = abilities, adapter, studies
+        self.settings: Any = Settings(**_plain_fields(engine.settings))
         state = getattr(engine, "__dict__", {}).items()
         self.state = {name: _plain(value) for name, value in state if name not in ("abilities", "settings")}
         self.source = f"{type(engine).__module__}.{type(engine).__qualname__} {source_digest(type(engine).__module__)}"
-        self._studies = studies
-        self._changes: dict[str, Any] = {}
-
-    def _settings(self) -> Any:
-        """Return the engine's settings as a frozen dataclass with the same fields."""
-        return _settings_class(tuple(self.fields))(**self.fields)
-
-    # Made anew, as an object of such a class cannot be pickled
-    settings: Any = property(_settings)
 
     def with_settings(self, **changes: Any) -> StandIn:
         """Return the engine with some settings changed."""
         changed = copy.copy(self)
-        changed.fields, changed._changes = self.fields | changes, self._changes | changes
+        changed.settings = Settings(**vars(self.settings) | changes)
         return changed
 
     def studies(self) -> Studies:
@@ -101,12 +95,15 @@ class StandIn:
         name, module = self.adapter
         engines = load(EntryPoint(name, module, ""), self.profile)
         (found,) = (engine for engine in engines if engine.variant == self.variant)
-        return found.with_settings(**self._changes) if self._changes else found
+        # What was not changed keeps its type, which is not known here
+        own = _plain_fields(found.settings)
+        changes = {name: value for name, value in vars(self.settings).items() if name not in own or value != own[name]}
+        return found.with_settings(**changes) if changes else found
 
 
-@cache
-def _settings_class(names: tuple[str, ...]) -> Callable[..., Any]:
-    return dataclasses.make_dataclass("Settings", names, frozen=True, kw_only=True)
+def _plain_fields(settings: Any) -> dict[str, Any]:
+    """Return the settings of an engine as numbers, texts and tuples of such."""
+    return {field.name: _plain(getattr(settings, field.name)) for field in dataclasses.fields(settings)}
 
 
 def _plain(value: Any) -> Any:
@@ -156,30 +153,16 @@ def load(adapter: EntryPoint, profile: Profile) -> list[Engine]:
     return list(offered)
 
 
-def main(folder_path: str) -> None:
-    """Describe the adapter whose entry point is in the folder at ``folder_path``."""
-    folder = Path(folder_path)
-    end_with_parent(folder)
-    name, module = pickle.loads((folder / POINT).read_bytes())
-    described: Description | str
-    try:
-        described = describe(EntryPoint(name, module, ""))
-    except BaseException as error:  # foreign code may raise anything
-        described = str(error) if isinstance(error, EngineError) else f"{type(error).__name__}: {error}"
-    partial = folder / f"{DESCRIPTION}.part"
-    partial.write_bytes(pickle.dumps(described))
-    partial.replace(folder / DESCRIPTION)
-    finish()
-
-
-def describe(adapter: EntryPoint) -> Description:
-    """Return what an adapter offers; it is imported in this process."""
+def describe(name: str, module: str, folder: Path) -> None:
+    """Import the adapter of an entry point in this process, and write what it offers to ``folder``."""
+    adapter = EntryPoint(name, module, "")
     engines = {profile: load(adapter, profile) for profile in Profile}
     facts = _checked(EngineFacts, getattr(adapter.load(), "FACTS", EngineFacts()), "FACTS")
-    return Description(
+    described = Description(
         engines={profile: [_stand_in(engine, adapter, facts) for engine in offered] for profile, offered in engines.items()},
         facts=facts,
     )
+    write_atomically(folder / DESCRIPTION, pickle.dumps(described))
 
 
 def _stand_in(engine: Engine, adapter: EntryPoint, facts: EngineFacts) -> StandIn:
@@ -191,7 +174,6 @@ def _stand_in(engine: Engine, adapter: EntryPoint, facts: EngineFacts) -> StandI
         validated=abilities.validated or measured.measured,
         additions=(*map(str, measured.additions), *abilities.additions),
         known_failures=measured.failed_checks | dict(abilities.known_failures),
-        quick_cost=measured.quick_cost or abilities.quick_cost,
     )
     studies = _checked(Studies, engine.studies(), "studies")
     return StandIn(engine, (adapter.name, adapter.value), abilities, studies)
@@ -240,8 +222,11 @@ def _described_elsewhere(adapter: EntryPoint) -> Description | str:
     try:
         with tempfile.TemporaryDirectory(prefix="looping-pendulum-", ignore_cleanup_errors=True) as path:
             folder = Path(path)
-            (folder / POINT).write_bytes(pickle.dumps((adapter.name, adapter.value)))
-            ending = run_python(f"{__name__}:main", folder, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT)
+            job = partial(describe, adapter.name, adapter.value), TIME_LIMIT
+            (folder / JOB).write_bytes(pickle.dumps(job))
+            ending = run_python(WORKER, folder, time_limit=TIME_LIMIT, memory_limit=MEMORY_LIMIT)
+            if (folder / FAILURE).exists():
+                return (folder / FAILURE).read_text(encoding="utf-8", errors="replace")
             if not (folder / DESCRIPTION).exists():
                 limits = {Cause.TIME: f" of {TIME_LIMIT:g} s", Cause.MEMORY: f" of {MEMORY_LIMIT / 2**20:g} MiB"}
                 return f"its import ended: {ending}{limits.get(ending.cause, '')}"
@@ -249,4 +234,4 @@ def _described_elsewhere(adapter: EntryPoint) -> Description | str:
     # What foreign code has written may be anything
     except Exception as error:
         return f"its description cannot be read: {type(error).__name__}: {error}"
-    return described if isinstance(described, Description) else str(described)
+    return described if isinstance(described, Description) else f"it described itself as {described!r:.60}"

@@ -66,12 +66,6 @@ def physics_of(parameters: Parameters) -> tuple[str, ...]:
     return tuple(pieces)
 
 
-def has_own_static_friction(parameters: Parameters) -> bool:
-    """Return whether the string slides over the rod and its static friction differs from the kinetic one."""
-    c = parameters.coefficients
-    return parameters.release in (Release.LOOPING, Release.VERTICAL) and c["static_friction"] != c["kinetic_friction"]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Abilities:
     """What an engine variant can do, as plain data."""
@@ -103,8 +97,6 @@ class Abilities:
     """Ranges of scenarios over which its accuracy was measured, per profile, with the errors."""
     min_rod_radius: float = 0.0
     """Smallest radius of a rod that the variant can wind a string over, with any profile [m]; a drop has no rod."""
-    quick_cost: float = 1.0
-    """Rough CPU time of a simulated second with the quick profile [s], by which runs are started (`isolation.start_order`)."""
     main: bool = True
     """Whether a comparison that names no engine runs it; the other variants are for studies, and some fail badly on purpose."""
 
@@ -120,7 +112,9 @@ class Abilities:
     def lacks(self, parameters: Parameters) -> tuple[str, ...]:
         """Return the names of the physics that ``parameters`` contain and this variant runs without."""
         lacking = [piece for piece in physics_of(parameters) if getattr(self.supplies, piece).by is Supplier.NOBODY]
-        if has_own_static_friction(parameters) and not (self.static_friction or EffectKind.STRING_LAW in self.effect_kinds):
+        c, slides = parameters.coefficients, parameters.release in (Release.LOOPING, Release.VERTICAL)
+        has_own = self.static_friction or EffectKind.STRING_LAW in self.effect_kinds
+        if slides and c["static_friction"] != c["kinetic_friction"] and not has_own:
             lacking.append(STATIC_FRICTION)
         return tuple(lacking)
 
@@ -312,8 +306,9 @@ def steps_per_sample(time_step: float) -> int:
     return steps
 
 
+@dataclass(frozen=True, kw_only=True)
 class StepGroups:
-    """What follows from settings with steps in groups; a dataclass that derives from it has the fields."""
+    """Settings of an engine that takes its steps in groups."""
 
     time_step: float
     """Length of a step [s]; it must divide the sample interval."""

@@ -48,6 +48,5 @@ def shipped_abilities(
         additions=(*first_additions, *map(str, facts.additions), *additions),
         validated=facts.measured,
         known_failures=facts.failed_checks,
-        quick_cost=facts.quick_cost or 1.0,
         **(usual | declared),
     )

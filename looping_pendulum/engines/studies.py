@@ -39,35 +39,26 @@ class Ladder:
         """Return the values of the setting, from coarse to fine."""
         return tuple(changes[self.setting] for changes in self.changes)
 
-
-@dataclass(frozen=True)
-class HiddenDefault:
-    """A setting of the engine that changes the result and that its users are not asked for."""
-
-    setting: str
-    """Name of the setting in the engine."""
-    default: str
-    """The engine's value, with unit."""
-    ours: str
-    """The variant's value, with unit."""
-    effect: str
-    """What the setting does, in a few words."""
-    changes: Changes
-    """Changes that restore the engine's default."""
+    def own_value(self, settings: Any) -> float | None:
+        """Return the setting's value among a variant's ``settings``; None if it has none that is a number."""
+        value = getattr(settings, self.setting, None)
+        return float(value) if isinstance(value, (int, float)) else None
 
 
 @dataclass(frozen=True)
-class AdapterChoice:
-    """A decision of the adapter that could be made otherwise with equally good reason."""
+class Variation:
+    """Other settings than the variant's: a default of the engine, or a choice for which the adapter has as good a reason."""
 
     what: str
-    """What is decided."""
+    """Name of the setting in the engine, or what is decided."""
     ours: str
-    """How the adapter decides it."""
-    instead: str
-    """The other choice."""
+    """The variant's value, with unit, or how the adapter decides it."""
+    other: str
+    """The engine's default, with unit, or the other choice."""
     changes: Changes
-    """Changes that make the other choice."""
+    """Changes that make it so."""
+    effect: str = ""
+    """What the setting does, in a few words; may be left out of a choice."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,11 +66,13 @@ class Studies:
     """All that can be varied of one variant."""
 
     ladders: Sequence[Ladder] = ()
-    defaults: Sequence[HiddenDefault] = ()
-    choices: Sequence[AdapterChoice] = ()
+    defaults: Sequence[Variation] = ()
+    """Settings of the engine that change the result and that its users are not asked for."""
+    choices: Sequence[Variation] = ()
+    """Decisions of the adapter that could be made otherwise with equally good reason."""
 
 
-def default_row(settings: Any, setting: str, default: Any, name: str, effect: str, unit: str = "") -> HiddenDefault:
+def default_row(settings: Any, setting: str, default: Any, name: str, effect: str, unit: str = "") -> Variation:
     """Return the default of a setting that is called ``name`` in the engine, with both values written alike, in ``unit``."""
 
     def text(value: Any) -> str:
@@ -87,4 +80,4 @@ def default_row(settings: Any, setting: str, default: Any, name: str, effect: st
             return "on" if value else "off"
         return quantity(value, unit, 3) if unit else value if isinstance(value, str) else f"{value:g}"
 
-    return HiddenDefault(name, text(default), text(getattr(settings, setting)), effect, {setting: default})
+    return Variation(name, text(getattr(settings, setting)), text(default), {setting: default}, effect)

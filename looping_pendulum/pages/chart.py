@@ -38,7 +38,7 @@ class ChartAxis:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A line, points or both; or horizontal bars."""
+    """A line, points or both."""
 
     label: str
     """In the legend; curves of one label in several panels are switched together. Empty: no legend and no pointer names it."""
@@ -54,8 +54,6 @@ class Curve:
     """Whether every two points have a line of their own, instead of one that joins all."""
     band: Values | None = None
     """Half-height of a faint band about each point."""
-    bar_height: float = 0.0
-    """Height of a bar from x = 0 to each point, in the unit of y; 0: there are none, but a line or points."""
     marker: str = ""
     """Matplotlib's letter, one of `palette.MARKERS`, "*" or "x"; empty: no points."""
     size: float = 5.0
@@ -65,7 +63,7 @@ class Curve:
     """Half-length of a bar at every point, in x and in y."""
     in_legend: bool = True
     words: Sequence[str] = ()
-    """Of each point: what stands beside its bar, or on a page beside the pointer at it."""
+    """Of each point: what stands on a page beside the pointer at it."""
 
     def drawn(self) -> tuple[np.ndarray, np.ndarray]:
         """Return x and y of the points, with a gap after each two that have a line of their own."""

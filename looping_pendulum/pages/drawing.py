@@ -14,10 +14,8 @@ if TYPE_CHECKING:
 
 MAX_LABEL_LENGTH = 50
 """Characters of a name that a figure shows: a longer one would leave no room for the axes."""
-SPANS, BARS, GUIDES, CURVES, DISC, MARKS = 0.5, 0.8, 1, 2, 4, 6
+SPANS, GUIDES, CURVES, DISC, MARKS = 0.5, 1, 2, 4, 6
 """Order of drawing; curves above each other are a thousandth apart."""
-ROOM_FOR_WORDS = 0.15
-"""Room beyond the longest bar for the words beside it, as a share of the axis."""
 LINE, CHARACTER, NUMBER_LENGTH = 0.2, 0.078, 6
 """Height of a line of text and width of a character [inches], and characters of a number beside an axis."""
 MAX_COLUMNS, HANDLE_ROOM = 3, 0.75
@@ -82,12 +80,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
         look = curve_look(curve) | {"zorder": (MARKS if curve.marker in ("*", "x") else CURVES) + order / 1000}
         look["label"] = without_mathtext(curve.label) if curve.label and curve.in_legend else None
         x, y = curve.drawn()
-        if curve.bar_height:
-            bars = axes.barh(y, x, curve.bar_height, color=curve.colour, label=look["label"], zorder=BARS)
-            if curve.words:
-                axes.bar_label(bars, list(curve.words), padding=3)
-                axes.margins(x=ROOM_FOR_WORDS)
-        elif curve.bar is None:
+        if curve.bar is None:
             axes.plot(x, y, **look)
         else:
             axes.errorbar(x, y, xerr=curve.bar, yerr=curve.bar, capsize=3, **look)

@@ -162,13 +162,7 @@ def _traces(curve: Curve, x: ChartAxis, y: ChartAxis) -> list[dict[str, Any]]:
     values = [v[::stride] for v in curve.drawn()]
     own: dict[str, Any] = {"name": name, "legendgroup": name, "showlegend": bool(name) and curve.in_legend}
     trace = own | {"x": plain(_placed(x, values[0])), "y": plain(_placed(y, values[1]))}
-    if curve.bar_height:
-        # Without an offset, bars of several traces stand beside their places
-        bars = {"type": "bar", "orientation": "h", "width": curve.bar_height, "offset": -curve.bar_height / 2}
-        trace |= bars | {"marker": {"color": colour}}
-    else:
-        mode = "+".join(what for what, has in (("lines", curve.width), ("markers", curve.marker)) if has)
-        trace |= {"type": "scatter", "mode": mode}
+    trace |= {"type": "scatter", "mode": "+".join(w for w, has in (("lines", curve.width), ("markers", curve.marker)) if has)}
     if curve.width:
         dashes = ",".join(f"{1.6 * length:g}px" for length in curve.dashes)
         dash = "solid" if curve.dashes == (1, 0) else dashes
@@ -183,7 +177,7 @@ def _traces(curve: Curve, x: ChartAxis, y: ChartAxis) -> list[dict[str, Any]]:
         trace["text"] = [escaped(word) for word in curve.words]
     if not curve.label:
         trace["hoverinfo"] = "skip"
-    elif curve.words and not curve.bar_height:
+    elif curve.words:
         trace["hovertemplate"] = "%{text}"
     elif "symlog" in (x.scale, y.scale) or y.ticks is not None:
         # What stands beside the pointer is the value itself

@@ -71,10 +71,6 @@ def _section(html: Markup, name: str) -> dict[str, str]:
     return {"id": name, "title": Markup(heading[1]).striptags(), "body": Markup(html[heading.end() :])}
 
 
-PAGES = ("comparison", "identification")
-"""Reports that show a part of the glossary."""
-
-
 @cache
 def glossary_rows() -> tuple[dict[str, str], ...]:
     """Return the rows of the glossary's table, each as {column: text}."""
@@ -85,13 +81,5 @@ def glossary_rows() -> tuple[dict[str, str], ...]:
 
 
 def glossary(page: str) -> dict[str, str]:
-    """Return {term: meaning} of the terms that ``page``, one of `PAGES`, shows.
-
-    Raises
-    ------
-    ValueError
-        If no such page is known.
-    """
-    if page not in PAGES:
-        raise ValueError(f"page: found {page!r}, needed one of {', '.join(PAGES)}")
+    """Return {term: meaning} of the terms that ``page``, "comparison" or "identification", shows."""
     return {row["Term"]: row["Meaning"] for row in glossary_rows() if page in row["Pages"]}

@@ -10,12 +10,12 @@ from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any
 
-from jinja2 import Template
+from jinja2 import PackageLoader, Template
 from markupsafe import Markup
 from rcssmin import cssmin
 
 from looping_pendulum.pages.palette import colour_rules
-from looping_pendulum.pages.templates import html_templates
+from looping_pendulum.pages.templates import templates
 
 SHARED_PACKAGE = "looping_pendulum.pages"
 """Package whose ``assets`` folder holds the files that all pages share."""
@@ -78,8 +78,8 @@ def page(
 
 @cache
 def _compiled(package: str, template: str) -> Template:
-    environment = html_templates(lambda name: asset(SHARED_PACKAGE if name == "base.html" else package, name))
-    return environment.get_template(template)
+    loaders = (PackageLoader(each, "assets") for each in (package, SHARED_PACKAGE))
+    return templates(*loaders).get_template(template)
 
 
 @lru_cache(maxsize=8)  # plotly.js, which every report embeds, has megabytes

@@ -1,25 +1,23 @@
-"""Jinja2 environments: of pages in HTML and of reports in Markdown. Both escape what a template shows."""
+"""Jinja2 environments: of pages in HTML and of reports in Markdown, which escape what a template shows, and of plain text."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from importlib.resources import files
 from typing import Any
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
+from jinja2 import BaseLoader, ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from looping_pendulum.pages import markdown
 from looping_pendulum.pages.numbers import GAP, fixed, number, quantity, signed
 
 
-def html_templates(load: Callable[[str], str], **options: Any) -> Environment:
-    """Return an environment whose templates ``load`` returns by name; values are escaped as HTML."""
+def templates(*loaders: BaseLoader, autoescape: bool = True, **options: Any) -> Environment:
+    """Return an environment of the templates that one of ``loaders`` has; values are escaped as HTML if ``autoescape``."""
     # StrictUndefined: a misspelt variable is an error, not an empty place on the page
     return Environment(
-        loader=FunctionLoader(load),
-        autoescape=True,
+        loader=ChoiceLoader(loaders),
+        autoescape=autoescape,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
@@ -32,9 +30,7 @@ def markdown_templates(package: str) -> Environment:
 
     Values that are Markdown, such as a table, are given as `Markup`.
     """
-    environment = html_templates(
-        lambda name: files(package).joinpath(name).read_text(encoding="utf-8"), finalize=markdown.escaped
-    )
+    environment = templates(PackageLoader(package, ""), finalize=markdown.escaped)
     environment.filters |= {
         "code": markdown.code,
         "escaped_lines": markdown.escaped_lines,

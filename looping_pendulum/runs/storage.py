@@ -22,8 +22,9 @@ from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Mode
 from looping_pendulum.runs.trajectory import (
-    COLUMNS,
-    FURTHER_COLUMNS,
+    FIELDS,
+    OPTIONAL,
+    ROW,
     SAMPLE_INTERVAL,
     UNKNOWN_MODE,
     Provenance,
@@ -38,33 +39,13 @@ from looping_pendulum.runs.trajectory import (
 
 SAMPLES, RECORD = "samples.bin", "run.json"
 """Files in the folder of a run: its samples, and how it ended (`RECORDED`)."""
-ROW = (*COLUMNS, *FURTHER_COLUMNS)
-"""Values of a sample in the file, 8-byte floats; NaN where a value is not known."""
 MODE = ROW.index("mode")
 MODES = (UNKNOWN_MODE, *(mode.value for mode in Mode))
 """Column of the mode, and the values that it may have."""
 ROW_BYTES = 8 * len(ROW)
-"""Size of a sample in the file [bytes]."""
+"""Size of a sample in the file [bytes]: `ROW` as 8-byte floats."""
 MAX_VALUE = 1e12
 """Largest magnitude that a position, velocity or force can have [SI]: its fourth power is still a number."""
-SHAPES: dict[str, tuple[int, ...]] = {
-    "t": (),
-    "light_position": (2,),
-    "light_velocity": (2,),
-    "heavy_position": (2,),
-    "heavy_velocity": (2,),
-    "string_stretch": (),
-    "string_slip": (),
-    "free_length": (),
-    "wrap_angle": (),
-    "mode": (),
-    "light_tension": (),
-    "heavy_tension": (),
-}
-"""Array of a trajectory, in the order of `ROW` -> shape of one sample."""
-MAY_BE_NONE = ("string_slip", "light_tension", "heavy_tension")
-"""Arrays that a trajectory may lack."""
-
 RECORDED = (
     *("engine", "variant", "profile", "scenario", "status", "message", "events", "provenance", "wall_time", "cpu_time"),
 )
@@ -91,7 +72,7 @@ def recording(folder: Path) -> Iterator[Callable[[Sequence[float]], None]]:
         def record(row: Sequence[float]) -> None:
             # One of another length is refused, because all later rows would be read wrongly
             check_column_count(len(row))
-            file.write(np.array([*row, *[np.nan] * len(FURTHER_COLUMNS)], dtype=float).tobytes())
+            file.write(np.array([*row, *[np.nan] * (len(ROW) - len(row))], dtype=float).tobytes())
 
         yield record
 
@@ -107,7 +88,7 @@ def write_run(folder: Path, run: object) -> None:
     if not isinstance(run, Trajectory):
         raise EngineError(f"simulate returned {type(run).__name__}, needed a Trajectory")
     count = np.size(run.t)
-    columns = [_numbers(name, getattr(run, name), (count, *shape)) for name, shape in SHAPES.items()]
+    columns = [_numbers(name, getattr(run, name), count) for name in FIELDS]
     rows = np.column_stack(columns)
     write_atomically(folder / SAMPLES, rows.tobytes())
     record = {name: getattr(run, name) for name in RECORDED}
@@ -123,9 +104,11 @@ def _as_json(value: object) -> Any:
     return [type(value).__name__]
 
 
-def _numbers(name: str, value: object, shape: tuple[int, ...]) -> Array:
-    """Return ``value`` as an array of real numbers of this ``shape``; NaN for an array that may be None and is."""
-    if value is None and name in MAY_BE_NONE:
+def _numbers(name: str, value: object, count: int) -> Array:
+    """Return a field of ``count`` samples as an array of real numbers; NaN for an array that may be None and is."""
+    components = len(FIELDS[name])
+    shape = (count,) if components == 1 else (count, components)
+    if value is None and name in OPTIONAL:
         return np.full(shape, np.nan)
     try:
         array = np.asarray(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -14,14 +15,33 @@ from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.geometry import Array, string_coordinates
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
-COLUMNS = (
-    *("t", "light_x", "light_y", "light_vx", "light_vy", "heavy_x", "heavy_y", "heavy_vx", "heavy_vy", "string_stretch"),
-    "string_slip",
+FIELDS = MappingProxyType(
+    {
+        "t": ("t",),
+        "light_position": ("light_x", "light_y"),
+        "light_velocity": ("light_vx", "light_vy"),
+        "heavy_position": ("heavy_x", "heavy_y"),
+        "heavy_velocity": ("heavy_vx", "heavy_vy"),
+        "string_stretch": ("string_stretch",),
+        "string_slip": ("string_slip",),
+        "free_length": ("free_length",),
+        "wrap_angle": ("wrap_angle",),
+        "mode": ("mode",),
+        "light_tension": ("light_tension",),
+        "heavy_tension": ("heavy_tension",),
+    }
 )
-"""Values of each sample, SI: positions from the rod's centre, x right and y up.
+"""Array of a `Trajectory` -> names of its components; all of them in a row are one sample, SI, `ROW`."""
+ROW = tuple(name for names in FIELDS.values() for name in names)
+"""Values of a sample; NaN where a value is not known."""
+COLUMNS = ROW[: ROW.index("string_slip") + 1]
+"""Values of a sample that an engine records: positions from the rod's centre, x right and y up.
 
-Stretch and slip of the string are NaN where an engine does not know them.
+Stretch and slip of the string are NaN where an engine does not know them. The other values of `ROW` only an engine states which
+knows them itself, as fields of a `Trajectory`.
 """
+OPTIONAL = ("string_slip", "light_tension", "heavy_tension")
+"""Arrays of a trajectory that are None where the engine does not report them."""
 
 SAMPLE_INTERVAL = 1e-3
 """Time between samples [s]; every engine's step divides it, so that no trajectory is ever resampled."""
@@ -31,9 +51,6 @@ SAME_TIME = 1e-9
 
 LARGEST = 1e9
 """Largest position [m] or speed [m/s] that counts as a number: nothing is so far, and the squares of the largest overflow."""
-
-FURTHER_COLUMNS = ("free_length", "wrap_angle", "mode", "light_tension", "heavy_tension")
-"""Values at each sample that only an engine states which knows them itself, as fields of a `Trajectory`."""
 
 UNKNOWN_MODE = -1
 """Mode of a sample whose engine does not report whether the string slides or sticks."""
@@ -202,6 +219,12 @@ def variant_label(engine: str, variant: str) -> str:
     return f"{engine}:{variant}" if variant else engine
 
 
+def sample_times(duration: float) -> Array:
+    """Return the times [s] of the samples of a run that lasts ``duration`` [s], shape (n,)."""
+    # Whole numbers times the interval: with a fractional step, np.arange may or may not include the end, by rounding
+    return np.arange(round(duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
+
+
 def check_column_count(count: int) -> None:
     """Raise an EngineError if a sample with its time has not ``count`` values."""
     if count != len(COLUMNS):
@@ -217,44 +240,37 @@ def from_samples(samples: Array, *, parameters: Parameters, **fields: Any) -> Tr
     Parameters
     ----------
     samples
-        Rows of `COLUMNS`, with or without `FURTHER_COLUMNS`: shape (n, 11) or (n, 16). A further column without any number
-        is not known.
+        Rows of `COLUMNS` or of `ROW`: shape (n, 11) or (n, 16). A column without any number is not known.
+    fields
+        Fields of the trajectory, in place of what the samples say, too.
 
     Raises
     ------
     EngineError
         If a sample has another number of values.
     """
-    count = samples.shape[1]
-    further: dict[str, Any] = {}
-    if count == len(COLUMNS) + len(FURTHER_COLUMNS):
-        columns = dict(zip(FURTHER_COLUMNS, samples[:, len(COLUMNS) :].T, strict=True))
-        further = {name: column for name, column in columns.items() if np.isfinite(column).any()}
-    else:
-        check_column_count(count)
-    if "mode" in further:
-        further["mode"] = np.where(np.isnan(further["mode"]), UNKNOWN_MODE, further["mode"]).astype(np.int8)
-    slip = samples[:, 10]
-    light = samples[:, 1:3]
-    free_length, wrap_angle = string_coordinates(light, parameters.rod_radius, parameters.release_angle)
-    if parameters.release is Release.DROP:
-        free_length, wrap_angle = np.full(len(light), np.nan), np.full(len(light), np.nan)
-    defaults: dict[str, Any] = {
-        "free_length": free_length,
-        "wrap_angle": wrap_angle,
-        "mode": np.full(len(samples), UNKNOWN_MODE, dtype=np.int8),
-    }
-    return Trajectory(
-        t=samples[:, 0],
-        light_position=light,
-        light_velocity=samples[:, 3:5],
-        heavy_position=samples[:, 5:7],
-        heavy_velocity=samples[:, 7:9],
-        string_stretch=samples[:, 9],
-        string_slip=slip if np.isfinite(slip).any() else None,
-        # An engine that knows mode, free length or wrap angle itself passes its own
-        **(defaults | further | fields),
-    )
+    if samples.shape[1] != len(ROW):
+        check_column_count(samples.shape[1])
+        samples = np.column_stack([samples, np.full((len(samples), len(ROW) - len(COLUMNS)), np.nan)])
+    arrays: dict[str, Any] = {}
+    start = 0
+    for field_name, names in FIELDS.items():
+        arrays[field_name] = samples[:, start] if len(names) == 1 else samples[:, start : start + len(names)]
+        start += len(names)
+    unknown = [name for name, values in arrays.items() if not np.isfinite(values).any()]
+    arrays |= {name: None for name in OPTIONAL if name in unknown}
+    arrays["mode"] = np.where(np.isnan(arrays["mode"]), UNKNOWN_MODE, arrays["mode"]).astype(np.int8)
+    if parameters.release is not Release.DROP:
+        free_length, wrap_angle = string_coordinates(arrays["light_position"], parameters.rod_radius, parameters.release_angle)
+        computed = {"free_length": free_length, "wrap_angle": wrap_angle}
+        arrays |= {name: values for name, values in computed.items() if name in unknown}
+    return Trajectory(**(arrays | fields))
+
+
+def sample_rows(run: Trajectory) -> Array:
+    """Return the samples of ``run`` as rows of `ROW`, shape (n, 16)."""
+    arrays = (getattr(run, name) for name in FIELDS)
+    return np.column_stack([np.full(len(run.t), np.nan) if values is None else values for values in arrays])
 
 
 def supplies_as_rows(supplies: Supplies) -> list[tuple[str, str, str]]:

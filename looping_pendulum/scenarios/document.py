@@ -67,7 +67,7 @@ class Document:
         nearest = next((path[:n] for n in range(len(path), 0, -1) if path[:n] in self.lines), ())
         line = f":{self.lines[nearest]}" if nearest else ""
         key = f" {key_text(path)}:" if path else ""
-        return ScenarioError(one_line(f"{self.file}{line}:{key} {message}"), path, message)
+        return ScenarioError(f"{self.file}{line}:{key} {message}", path, message)
 
 
 def key_text(path: Path) -> str:
@@ -131,7 +131,7 @@ def parse(raw: bytes, file: str, needed: str = "a scenario; start from a copy of
 
 def _refused(file: str, line: int | None, message: str) -> ScenarioError:
     """Return an error about a line of a file."""
-    return ScenarioError(one_line(f"{file}: {message}" if line is None else f"{file}:{line}: {message}"))
+    return ScenarioError(f"{file}: {message}" if line is None else f"{file}:{line}: {message}")
 
 
 def _decode(raw: bytes, file: str) -> str:

@@ -199,7 +199,7 @@ class SimpleField(FieldType):
     """A field type that is made of a function, a JSON Schema and the inverse function."""
 
     def __init__(
-        self, read: Callable[[object], Any], json_schema: JsonSchemaValue, write: Callable[[Any], Any] = lambda value: value
+        self, read: Callable[..., Any], json_schema: JsonSchemaValue, write: Callable[[Any], Any] = lambda value: value
     ) -> None:
         self._read, self._write, self._json_schema = read, write, json_schema
 
@@ -217,21 +217,15 @@ class SimpleField(FieldType):
         return self._json_schema
 
 
-class DependentField(FieldType):
-    """A field type whose value depends on the fields of its model that stand before it."""
+class DependentField(SimpleField):
+    """A field type whose value depends on the fields of its model that stand before it.
 
-    def __init__(self, read: Callable[[object, Mapping[str, Any]], Any], json_schema: JsonSchemaValue) -> None:
-        """``read`` is given the value in the file, and the fields before it, by name; a faulty one is not among them."""
-        self._read, self._json_schema = read, json_schema
+    Its function to read is given the value in the file, and the fields before it, by name; a faulty one is not among them.
+    """
 
     def validate(self, value: object, info: ValidationInfo) -> Any:
         """Return the value in the program."""
         return value if info.context is None else self._read(value, info.data)
-
-    @property
-    def json_schema(self) -> JsonSchemaValue:
-        """Return the JSON Schema of a value in a file."""
-        return self._json_schema
 
 
 def read_key(field_type: FieldType, raw: object, key: str) -> Any:
@@ -466,6 +460,8 @@ def _message(details: ErrorDetails, path: Path, model: Any) -> str:
         return f"missing, needed {_words(_schema_at(model, path), str(path[-1]))}"
     if kind == "too_short":
         return "found an empty list, needed at least one entry"
+    if kind == "string_type":
+        return f"expected text, got {quote(value)}; write for example 'two words'"
     if kind in ("list_type", "tuple_type"):
         return f"expected a list, got {quote(value)}; begin each entry with '- '"
     return no_group(_schema_at(model, path).get("properties", {}), value)

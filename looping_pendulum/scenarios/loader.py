@@ -15,22 +15,11 @@ from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects.own import effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 from looping_pendulum.scenarios import document, own_effects
-from looping_pendulum.scenarios.document import Document, one_line, quote, to_yaml
+from looping_pendulum.scenarios.document import Document, quote, to_yaml
 from looping_pendulum.scenarios.fields import QuantityField, file_keys, read_model, suggest
 from looping_pendulum.scenarios.quantities import FILE_KEYS, file_key, quantity_kind
-from looping_pendulum.scenarios.scenario import (
-    Inference,
-    MeasuredTable,
-    Scenario,
-    Tolerance,
-)
-from looping_pendulum.scenarios.schema import (
-    InferredGroup,
-    MeasuredGroup,
-    ProfilesGroup,
-    ScenarioFile,
-    json_schema,
-)
+from looping_pendulum.scenarios.scenario import Scenario
+from looping_pendulum.scenarios.schema import ScenarioFile, json_schema
 
 __all__ = ["dump", "json_schema", "load", "load_text", "shipped"]
 
@@ -93,7 +82,7 @@ def read_source(name_or_path: str | Path, folder: Traversable, kind: str = "scen
     except (OSError, ValueError):  # too long for the file system, or with a null character
         is_file = False
     if not is_file:
-        raise ScenarioError(one_line(_not_found(path, shown, names_in(folder), kind)))
+        raise ScenarioError(_not_found(path, shown, names_in(folder), kind))
     return document.read(path), shown, path.stem
 
 
@@ -147,9 +136,9 @@ def _scenario(doc: Document, name: str) -> Scenario:
         description=file.description,
         parameters=parameters,
         duration=file.duration,
-        tolerances=_tolerances(file),
-        inferred=tuple(Inference(parameters=tuple(i.parameters), how=i.how, script=i.script) for i in file.inferred),
-        measured=MeasuredTable(**file.measured.model_dump()) if file.measured else None,
+        tolerances=file.tolerances,
+        inferred=file.inferred,
+        measured=file.measured,
     )
 
 
@@ -162,23 +151,6 @@ def _parameters(file: ScenarioFile) -> Parameters:
     coefficients = {name: value for name, value in values.items() if name in effect_library.COEFFICIENTS}
     fields = {name: value for name, value in values.items() if name not in coefficients}
     return Parameters(**fields, coefficients=file.effects | coefficients, own_effects=file.own_effects)
-
-
-def _tolerances(file: ScenarioFile) -> tuple[Tolerance, ...]:
-    """Return the tolerances of a validated file."""
-    return tuple(
-        Tolerance(
-            engine=engine,
-            profile=profile,
-            metric=metric,
-            limit=given["limit"],
-            reason=given["reason"],
-            expected_failure=given.get("expected_failure", ""),
-        )
-        for engine, profiles in file.tolerances.items()
-        for profile, limits in (("quick", profiles.quick), ("accurate", profiles.accurate))
-        for metric, given in limits.items()
-    )
 
 
 def dump(scenario: Scenario) -> str:
@@ -198,7 +170,6 @@ def dump(scenario: Scenario) -> str:
         for name, value in p.coefficients.items()
         if name not in FILE_KEYS and value != known[name].default
     }
-    measured = scenario.measured
     file = ScenarioFile(
         title=scenario.title,
         description=scenario.description,
@@ -209,20 +180,10 @@ def dump(scenario: Scenario) -> str:
         gravity=groups[""]["gravity"],
         release=groups["release"],
         duration=scenario.duration,
-        inferred=[InferredGroup(parameters=list(i.parameters), how=i.how, script=i.script) for i in scenario.inferred],
-        measured=MeasuredGroup(file=measured.file, sha256=measured.sha256, source=measured.source) if measured else None,
-        tolerances={
-            engine: ProfilesGroup(quick=_limits(scenario, engine, "quick"), accurate=_limits(scenario, engine, "accurate"))
-            for engine in dict.fromkeys(t.engine for t in scenario.tolerances)
-        },
+        inferred=scenario.inferred,
+        measured=scenario.measured,
+        tolerances=scenario.tolerances,
         own_effects=p.own_effects,
         effects=others,
     )
     return to_yaml(file_keys(file))
-
-
-def _limits(scenario: Scenario, engine: str, profile: str) -> dict[str, Any]:
-    """Return metric -> limit of an engine's tolerances with a profile, as the models of a file have it."""
-    here = [t for t in scenario.tolerances if (t.engine, t.profile) == (engine, profile)]
-    failure = {t.metric: {"expected_failure": t.expected_failure} if t.expected_failure else {} for t in here}
-    return {t.metric: {"limit": t.limit, "reason": t.reason} | failure[t.metric] for t in here}

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo, with_config
 from pydantic.json_schema import JsonSchemaValue
 
 from looping_pendulum.reference_ode import effects as effect_library
@@ -20,7 +20,9 @@ from looping_pendulum.reference_ode.effects.own import OwnEffect, effect_of
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import (
+    FILE_CONFIG,
     TEXT,
+    DependentField,
     FieldType,
     Group,
     Key,
@@ -30,31 +32,32 @@ from looping_pendulum.scenarios.fields import (
     Text,
     input_error,
     model_schema,
+    no_group,
     one_of,
+    read_key,
 )
 from looping_pendulum.scenarios.metrics import METRICS, Metric
 from looping_pendulum.scenarios.own_effects import OwnEffects
 from looping_pendulum.scenarios.quantities import FILE_KEYS, QUANTITIES, group_of, quantity_kind
+from looping_pendulum.scenarios.scenario import PROFILES, Inference, MeasuredTable, Tolerance
 from looping_pendulum.scenarios.units import QuantityKind
 
 AIR_DENSITY = 1.2
 """Density of air [kg/m^3] for a drag shape that does not give it (paper, sec. IV)."""
 
 
-def _data_path(value: object) -> str:
-    """Validate a path that cannot leave the data folder."""
-    parts = value.split("/") if isinstance(value, str) else []
-    if isinstance(value, str) and re.fullmatch(r"[\w.-]+(/[\w.-]+)*", value) and not {".", ".."} & set(parts):
-        return value
-    expected = "a path below a data folder, with forward slashes and no '..'"
-    raise input_error(f"expected {expected}, got {quote(value)}; write for example 'paper/trial.csv'")
-
-
-def _sha256(value: object) -> str:
-    """Validate a SHA-256 checksum."""
-    if isinstance(value, str) and re.fullmatch(r"[0-9a-fA-F]{64}", value):
-        return value.lower()
-    raise input_error(f"expected 64 hexadecimal digits, got {quote(value)}; copy what 'sha256sum FILE' prints")
+def _check_measured(measured: MeasuredTable, info: ValidationInfo) -> MeasuredTable:
+    """Check the path, which cannot leave the data folder, and the checksum; what the program makes is taken as it is."""
+    if info.context is None:
+        return measured
+    file, sha256 = measured.file, measured.sha256
+    if not re.fullmatch(r"[\w.-]+(/[\w.-]+)*", file) or {".", ".."} & set(file.split("/")):
+        expected = "a path below a data folder, with forward slashes and no '..'"
+        raise input_error(f"expected {expected}, got {quote(file)}; write for example 'paper/trial.csv'", "file")
+    if not re.fullmatch(r"[0-9a-fA-F]{64}", sha256):
+        needed = "64 hexadecimal digits"
+        raise input_error(f"expected {needed}, got {quote(sha256)}; copy what 'sha256sum FILE' prints", "sha256")
+    return replace(measured, sha256=sha256.lower())
 
 
 _DRAGS = ("light_drag", "heavy_drag")
@@ -129,53 +132,26 @@ def _release(keys: dict[str, Any]) -> dict[str, Any]:
     return keys | {"angle": math.pi if angle is None else angle}
 
 
-class _Effects(FieldType):
-    """Coefficients of effects: of those of the library that have no other key, and of the file's own."""
+def _effects_group(own: Iterable[OwnEffect] = ()) -> KeyGroup:
+    """Return the group of coefficients of effects: of those of the library that have no other key, and of the file's own."""
+    known = {name: c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS}
+    known |= {c.name: c for each in own for c in effect_of(each).coefficients}
+    keys = {name: Key(QuantityField(quantity_kind(c)), c.meaning) for name, c in known.items()}
+    return KeyGroup(keys=keys, description="Coefficients of further effects.")
 
-    def group(self, own: Iterable[OwnEffect] = ()) -> KeyGroup:
-        """Return the group of all of them."""
-        known = {name: c for name, c in effect_library.COEFFICIENTS.items() if name not in FILE_KEYS}
-        known |= {c.name: c for each in own for c in effect_of(each).coefficients}
-        keys = {name: Key(QuantityField(quantity_kind(c)), c.meaning) for name, c in known.items()}
-        return KeyGroup(keys=keys, description="Coefficients of further effects.")
 
-    def validate(self, value: object, info: ValidationInfo) -> Any:
-        """Return coefficient -> value [SI]."""
-        if info.context is None:
-            return value
-        # The file's own may be faulty, so that nobody knows which names there are
-        return self.group(info.data["own_effects"]).read(value) if "own_effects" in info.data else {}
-
-    @property
-    def json_schema(self) -> JsonSchemaValue:
-        """Return the JSON Schema of those of the library."""
-        return self.group().json_schema
+def _effects(raw: object, before: Mapping[str, Any]) -> Any:
+    """Return coefficient -> value [SI]; the file's own may be faulty, so that nobody knows which names there are."""
+    return _effects_group(before["own_effects"]).read(raw) if "own_effects" in before else {}
 
 
 Values = dict[str, Any]
 """Key of a group -> value [SI]."""
 
 
-class InferredGroup(Group):
-    """Values that the source does not print."""
-
-    parameters: Annotated[list[Text], Field(min_length=1)]
-    """Keys of this file, as "release.angle"."""
-    how: Text
-    """How they were found."""
-    script: Text = ""
-    """The script that found them; not given for an assumption."""
-
-
-class MeasuredGroup(Group):
-    """The measured event table of this trial."""
-
-    file: Annotated[str, SimpleField(_data_path, TEXT.json_schema)]
-    """Path below a data folder; the data is not part of the package."""
-    sha256: Annotated[str, SimpleField(_sha256, TEXT.json_schema)]
-    """Checksum of that file."""
-    source: Text
-    """Who measured it and where it is printed."""
+# The classes themselves know nothing of pydantic, which an engine's environment may lack
+for _class in (Inference, MeasuredTable):
+    with_config(FILE_CONFIG)(_class)
 
 
 def _limit_of(metric: Metric) -> KeyGroup:
@@ -192,37 +168,41 @@ def _limit_of(metric: Metric) -> KeyGroup:
     )
 
 
-class _Limits(FieldType):
-    """Limits on metrics; those of other packages are known only once a file or its schema is read."""
+class _Tolerances(FieldType):
+    """Limits by engine, profile and metric; metrics of other packages are known only once a file or its schema is read."""
 
     @property
-    def _group(self) -> KeyGroup:
-        return KeyGroup(keys={name: Key(_limit_of(metric), metric.description) for name, metric in METRICS.items()})
+    def _of_engine(self) -> KeyGroup:
+        limits = KeyGroup(keys={name: Key(_limit_of(metric), metric.description) for name, metric in METRICS.items()})
+        keys = {profile: Key(limits, f"Limits with the settings of the profile {profile}.") for profile in PROFILES}
+        return KeyGroup(keys=keys, description="One engine's limits, by profile.")
 
-    def read(self, raw: object, /) -> Any:
-        """Return metric -> its limit."""
-        return self._group.read(raw)
+    def read(self, raw: object, /) -> tuple[Tolerance, ...]:
+        """Return the tolerances of a file."""
+        if not isinstance(raw, dict):
+            raise input_error(no_group((), raw))
+        of_engine = self._of_engine
+        return tuple(
+            Tolerance(engine=engine, profile=profile, metric=metric, **limit)
+            for engine, profiles in raw.items()
+            for profile, limits in read_key(of_engine, profiles, engine).items()
+            for metric, limit in limits.items()
+        )
 
     def write(self, value: Any, /) -> Any:
-        """Return metric -> its limit as a file has it."""
-        return self._group.write(value)
+        """Return tolerances as a file has them."""
+        tree: dict[str, dict[str, dict[str, Any]]] = {}
+        for t in value:
+            keys = {"limit": t.limit, "reason": t.reason}
+            keys |= {"expected_failure": t.expected_failure} if t.expected_failure else {}
+            limits = tree.setdefault(t.engine, {}).setdefault(t.profile, {})
+            limits[t.metric] = _limit_of(METRICS[t.metric]).write(keys)
+        return tree
 
     @property
     def json_schema(self) -> JsonSchemaValue:
-        """Return the JSON Schema of the limits."""
-        return self._group.json_schema
-
-
-_LIMITS = _Limits()
-
-
-class ProfilesGroup(Group):
-    """One engine's limits, by profile."""
-
-    quick: Annotated[Values, _LIMITS] = {}
-    """Limits with the settings of the profile quick."""
-    accurate: Annotated[Values, _LIMITS] = {}
-    """Limits with the settings of the profile accurate."""
+        """Return the JSON Schema of the tolerances."""
+        return {"type": "object", "additionalProperties": self._of_engine.json_schema}
 
 
 class ScenarioFile(Group):
@@ -239,14 +219,14 @@ class ScenarioFile(Group):
     gravity: Annotated[float, _field_of("gravity")] | None = Field(None, description=QUANTITIES["gravity"].description())
     release: Annotated[Values, with_kind(_group("release", "How the masses are let go."), from_keys=_release)]
     duration: Annotated[float, _field_of("duration")] = Field(description=QUANTITIES["duration"].description())
-    inferred: list[InferredGroup] = []
+    inferred: tuple[Inference, ...] = ()
     """What the source does not print, and how it was inferred."""
-    measured: MeasuredGroup | None = None
-    tolerances: dict[str, ProfilesGroup] = {}
+    measured: Annotated[MeasuredTable, AfterValidator(_check_measured)] | None = None
+    tolerances: Annotated[tuple[Tolerance, ...], _Tolerances()] = ()
     """Engine and variant ("pymunk:chain"), profile and metric -> limit."""
     own_effects: OwnEffects = ()
     """Effects that the library lacks, each with its formula; their coefficients stand under effects, too."""
-    effects: Annotated[dict[str, float], _Effects()] = {}
+    effects: Annotated[dict[str, float], DependentField(_effects, _effects_group().json_schema)] = {}
     """Coefficients of further effects."""
 
 

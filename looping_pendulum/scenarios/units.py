@@ -6,7 +6,6 @@ import decimal
 import functools
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from typing import Any
@@ -95,6 +94,7 @@ COMMON = {
     ("cm", "m"): Decimal("0.01"),
     ("g", "kg"): Decimal("0.001"),
     ("ms", "s"): Decimal("0.001"),
+    ("Hz", "Hz"): Decimal(1),
     ("deg", "rad"): Decimal(DEGREE),
     ("MiB", "byte"): Decimal(1024**2),
     ("GiB", "byte"): Decimal(1024**3),
@@ -247,19 +247,6 @@ def pretty(unit: str) -> str:
     return unit.replace("**", "^")
 
 
-def _shortest_decimal(value: float, per_unit: Decimal, round_trips: Callable[[Decimal], bool]) -> Decimal | None:
-    """Return the shortest decimal that gives exactly ``value`` when multiplied by ``per_unit``.
-
-    It is None if that takes more than 17 digits, which are enough for any float itself.
-    """
-    exact = _DECIMAL_CONTEXT.divide(Decimal(repr(value)), per_unit)
-    for digits in range(1, 18):
-        rounded = decimal.Context(prec=digits, Emin=-9999, Emax=9999).plus(exact)
-        if round_trips(rounded):
-            return rounded
-    return None
-
-
 def show(value: float, unit: str) -> str:
     """Write ``value`` [SI] in a unit of convenient size, so that `to_si` returns exactly it: 0.00625, "m" as "6.25 mm"."""
     convenient_unit = {
@@ -268,16 +255,15 @@ def show(value: float, unit: str) -> str:
         "s": "ms" if 0 < abs(value) < 0.1 else "s",
         "rad": "deg",
     }.get(unit, pretty(unit))
-    for text_unit in dict.fromkeys((convenient_unit, pretty(unit))):
-        per_unit = factor(text_unit, unit) if text_unit != pretty(unit) else Decimal(1)
-
-        def round_trips(number: Decimal, per_unit: Decimal = per_unit) -> bool:
-            return float(_DECIMAL_CONTEXT.multiply(number, per_unit)) == value
-
-        number = _shortest_decimal(value, per_unit, round_trips)
-        # A number that would be long in the convenient unit, such as degrees of an arbitrary angle, is written in the SI unit
-        if number is not None and (text_unit == pretty(unit) or len(number.as_tuple().digits) <= 12):
-            return f"{_decimal_text(number)} {text_unit}".rstrip()
+    exact = Decimal(repr(value + 0.0))  # 0 for -0
+    # The shortest number that is exactly the value; 17 digits are enough for any float. One that would be long in the
+    # convenient unit, such as degrees of an arbitrary angle, is written in the SI unit.
+    for text_unit, most_digits in ((convenient_unit, 12), (pretty(unit), 17)):
+        per_unit = Decimal(1) if text_unit == pretty(unit) else factor(text_unit, unit)
+        for digits in range(1, most_digits + 1):
+            number = decimal.Context(prec=digits, Emin=-9999, Emax=9999).divide(exact, per_unit)
+            if float(_DECIMAL_CONTEXT.multiply(number, per_unit)) == value:
+                return f"{_decimal_text(number)} {text_unit}".rstrip()
     return f"{value!r} {pretty(unit)}".rstrip()
 
 

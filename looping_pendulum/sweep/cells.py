@@ -22,7 +22,6 @@ from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.transitions import Event
 from looping_pendulum.runs.events import run_landmarks
 from looping_pendulum.runs.trajectory import RunStatus, Trajectory
-from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.sweep.map_file import REFERENCE, MapPlan, Region, run_count
 from looping_pendulum.versions import MISSING, installed_version
@@ -89,8 +88,8 @@ def solve_chunk(
     _stop_if(cancelled)
     expected = expected_versions or {}
     for package, here, needed in differing_versions(versions(plan) if expected else {}, expected):
-        message = f"--cluster: found {package} {here} on a worker, needed {needed} as on the machine that writes the map"
-        raise EngineError(one_line(f"{message}; install {package} {needed} there"))
+        found = f"found {package} {here} on a worker, needed {needed} as on the machine that writes the map"
+        raise EngineError(f"--cluster: {found}; install {package} {needed} there")
     if plan.engine(region) == REFERENCE:
         return _reference_values(plan, region, cancelled)
     limited = partial(run_isolated, time_limit=time_limit, memory_limit=memory_limit, cancelled=cancelled)

@@ -12,7 +12,7 @@ from typing import Any
 
 from looping_pendulum.errors import EngineError, MissingPackageError
 from looping_pendulum.installation import install_command
-from looping_pendulum.scenarios.document import one_line, quote
+from looping_pendulum.scenarios.document import quote
 
 ADDRESS = re.compile(r"((tcp|tls|wss?)://)?[^\s/?#@]+:[0-9]{1,5}", re.IGNORECASE)
 """Regular expression of the address of a scheduler, with the protocols by which Dask connects to one."""
@@ -33,8 +33,8 @@ def check_address(address: str) -> None:
         If it cannot be one.
     """
     if not ADDRESS.fullmatch(address):
-        message = f"--cluster: found {quote(address)}, needed the address of a Dask scheduler; write for example"
-        raise EngineError(one_line(f"{message} --cluster tcp://127.0.0.1:8786"))
+        needed = "the address of a Dask scheduler; write for example --cluster tcp://127.0.0.1:8786"
+        raise EngineError(f"--cluster: found {quote(address)}, needed {needed}")
 
 
 @contextmanager
@@ -61,14 +61,14 @@ def cluster_executor(address: str) -> Iterator[Executor]:
         client = distributed.Client(address, timeout=CONNECT_TIME, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        message = f"--cluster: {address}: found no scheduler that answers ({why}), needed one; start it with"
-        raise EngineError(one_line(f"{message} `dask scheduler`, and its workers with `dask worker`")) from None
+        way_out = "start it with `dask scheduler`, and its workers with `dask worker`"
+        raise EngineError(f"--cluster: {address}: found no scheduler that answers ({why}), needed one; {way_out}") from None
     try:
         try:
             client.wait_for_workers(1, timeout=WORKER_TIME)
         except OSError:
-            message = f"--cluster: {address}: found a scheduler without workers, needed one or more"
-            raise EngineError(one_line(f"{message}; start them with `dask worker {address}`")) from None
+            found = "found a scheduler without workers, needed one or more"
+            raise EngineError(f"--cluster: {address}: {found}; start them with `dask worker {address}`") from None
         # By default Dask hashes the arguments, to find the result of an equal call; no two chunks are equal
         yield client.get_executor(pure=False, retries=RETRIES)
     finally:

@@ -25,7 +25,7 @@ from looping_pendulum.reference_ode.batch import impossible_runs, parameter_valu
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION
 from looping_pendulum.scenarios import document, loader
-from looping_pendulum.scenarios.document import one_line, quote, shorten
+from looping_pendulum.scenarios.document import quote, shorten
 from looping_pendulum.scenarios.fields import (
     TEXT,
     DependentField,
@@ -296,4 +296,4 @@ def refuse_unintended_size(plan: MapPlan, most: int | None = None) -> None:
     if plan.runs > limit:
         sizes = " x ".join(f"{name} {size}" for name, size in plan.sizes.items())
         message = f"{plan.file}: found {plan.runs} runs ({sizes}), needed at most {limit}"
-        raise ScenarioError(one_line(f"{message}; lower a 'count', or if you mean it give --max-runs {plan.runs}"))
+        raise ScenarioError(f"{message}; lower a 'count', or if you mean it give --max-runs {plan.runs}")

@@ -16,7 +16,6 @@ from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.processes import POLL_INTERVAL, core_count
 from looping_pendulum.reference_ode.batch import Progress
-from looping_pendulum.scenarios.document import one_line
 from looping_pendulum.sweep import cells, report
 from looping_pendulum.sweep.cells import Values
 from looping_pendulum.sweep.dask_cluster import cluster_executor
@@ -152,5 +151,5 @@ def _result(future: Future[Values], cluster: str | None) -> Values:
         # Dask cancels what it computes when it loses its scheduler
         lost, why = isinstance(error, CancelledError), f"{type(error).__name__}: {' '.join(str(error).split())}"
         what = "its scheduler no longer answers" if lost else f"a chunk failed ({why})"
-        message = f"--cluster: {cluster}: {what}; what is finished is kept"
-        raise EngineError(one_line(f"{message}: repair the cluster and run the same command again")) from None
+        way_out = "what is finished is kept: repair the cluster and run the same command again"
+        raise EngineError(f"--cluster: {cluster}: {what}; {way_out}") from None

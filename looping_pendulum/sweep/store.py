@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from looping_pendulum.engines.registry import label, select
-from looping_pendulum.files import LockedError, locked, write_atomically
+from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import dump
-from looping_pendulum.scenarios.document import one_line, shorten
+from looping_pendulum.scenarios.document import shorten
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, NOT_YET_RUN, Values, differing_versions, versions
 from looping_pendulum.sweep.map_file import REFERENCE, MapError, MapPlan, Region
 
@@ -47,16 +48,17 @@ def claimed(folder: Path) -> Iterator[None]:
     """Keep a second process out of ``folder``; turn the exception of a full disk into a `MapError` of one line."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with locked(folder / LOCK, wait=False):
+        # The system frees the lock of a process that dies
+        with FileLock(folder / LOCK, timeout=0):
             yield
-    except LockedError:
-        message = f"{folder}: found another run that is writing here, needed a folder of its own; wait for it to end"
-        raise MapError(one_line(message)) from None
+    except Timeout:
+        needed = "a folder of its own; wait for it to end"
+        raise MapError(f"{folder}: found another run that is writing here, needed {needed}") from None
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise
-        message = f"{folder}: found a full disk ({error.strerror}), needed space for the map; what is finished is kept"
-        raise MapError(one_line(f"{message}: free some, or move the folder, and run the same command again")) from None
+        way_out = "what is finished is kept: free some, or move the folder, and run the same command again"
+        raise MapError(f"{folder}: found a full disk ({error.strerror}), needed space for the map; {way_out}") from None
 
 
 class MapStore:
@@ -113,15 +115,13 @@ class MapStore:
         try:
             stored = dict(json.loads((self.path / METADATA).read_bytes())["attributes"])
         except Exception:
-            message = f"{self.path}: found something that is no map, needed a map of this file; {way_out}"
-            raise MapError(one_line(message)) from None
+            raise MapError(f"{self.path}: found something that is no map, needed a map of this file; {way_out}") from None
         if stored.get("map_id") != self.attributes["map_id"]:
-            title = shorten(str(stored.get("title", "?")))
-            message = f"{folder}: found another map ({title!r}, or this one before a change)"
-            raise MapError(one_line(f"{message}, needed the map of {self.plan.file}; {way_out}"))
+            found = f"found another map ({shorten(str(stored.get('title', '?')))!r}, or this one before a change)"
+            raise MapError(f"{folder}: {found}, needed the map of {self.plan.file}; {way_out}")
         for package, old, new in differing_versions(stored.get("versions", {}), self.attributes["versions"]):
-            message = f"{folder}: found a map begun with {package} {old}, and here is {new}; a map is made with one"
-            raise MapError(one_line(f"{message}: install {package} {old}, or {way_out}"))
+            found = f"found a map begun with {package} {old}, and here is {new}; a map is made with one"
+            raise MapError(f"{folder}: {found}: install {package} {old}, or {way_out}")
 
     def _files_without_results(self) -> dict[str, bytes]:
         """Return name -> content of a store's files before there are results, the same whenever and wherever it is made."""
@@ -180,8 +180,8 @@ def _refuse_other_files(folder: Path) -> None:
     # A process that was killed may have left a store that was hardly begun, with nothing but a temporary file
     if others or any((folder / STORE).glob("[!.]*")):
         found = shorten(", ".join(others or [STORE]))
-        message = f"{folder}: found other files ({found}), needed an empty folder or one of this map"
-        raise MapError(one_line(f"{message}; choose another with --out"))
+        needed = "an empty folder or one of this map; choose another with --out"
+        raise MapError(f"{folder}: found other files ({found}), needed {needed}")
 
 
 def attributes(plan: MapPlan) -> dict[str, Any]:
@@ -257,5 +257,5 @@ def open_map(folder: Path | str) -> xarray.Dataset:
 
 
 def _damaged(path: Path, why: str) -> MapError:
-    message = f"{path}: found it damaged ({shorten(' '.join(why.split()))})"
-    return MapError(one_line(f"{message}; `looping-pendulum map` with the same file and folder repairs it or says why not"))
+    way_out = "`looping-pendulum map` with the same file and folder repairs it or says why not"
+    return MapError(f"{path}: found it damaged ({shorten(' '.join(why.split()))}); {way_out}")

@@ -5,17 +5,12 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
-from looping_pendulum.errors import HarnessError
-from looping_pendulum.files import write_atomically
+from looping_pendulum.files import OutputError, write_atomically
 
 EXAMPLE = resources.files("looping_pendulum.teaching") / "example"
 MAP = resources.files("looping_pendulum.sweep") / "maps" / "quick.yaml"
 """Shipped map that the example folder gets as map.yaml; it takes seconds."""
 NOT_COPIED = {"__pycache__", "__init__.py"}
-
-
-class FolderError(HarnessError, ValueError):
-    """The example cannot be written into a folder."""
 
 
 def write_example(folder: Path) -> tuple[Path, ...]:
@@ -28,15 +23,15 @@ def write_example(folder: Path) -> tuple[Path, ...]:
 
     Raises
     ------
-    FolderError
+    OutputError
         If it is a file, or a folder that is not empty.
     """
     if folder.exists() and not folder.is_dir():
-        raise FolderError(f"{folder}: found a file, needed a folder; name another one")
+        raise OutputError(f"{folder}: found a file, needed a folder; name another one")
     existing = sorted(entry.name for entry in folder.iterdir()) if folder.is_dir() else []
     if existing:
         shown = ", ".join(existing[:3]) + (", ..." if len(existing) > 3 else "")
-        raise FolderError(f"{folder}: found {shown}, needed an empty or a new folder; write `looping-pendulum init my_folder`")
+        raise OutputError(f"{folder}: found {shown}, needed an empty or a new folder; write `looping-pendulum init my_folder`")
     with resources.as_file(EXAMPLE) as example:
         sources = {path.relative_to(example): path for path in sorted(example.rglob("*")) if path.is_file()}
         kept = {path: source.read_bytes() for path, source in sources.items() if not NOT_COPIED.intersection(path.parts)}

@@ -14,7 +14,7 @@ from PIL import Image
 
 from looping_pendulum.compare.figures import drawn_runs
 from looping_pendulum.compare.result import ComparisonResult
-from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import OutputError
 from looping_pendulum.pages.chart import Chart, ChartAxis, Curve, Panel, reach, tracked_points, with_room
 from looping_pendulum.pages.drawing import draw, png, without_mathtext
 from looping_pendulum.processes import ReportShare
@@ -37,24 +37,20 @@ GIF_COLOURS = 128
 """Colours of a GIF, the same for all frames, so that nothing flickers."""
 
 
-class FilmWritingError(HarnessError, ValueError):
-    """A film cannot be written."""
-
-
 def check_film(path: Path) -> None:
     """Refuse a film that could not be written, before the work rather than after it.
 
     Raises
     ------
-    FilmWritingError
+    OutputError
         If the name has another ending than `SUFFIXES`, or an MP4 is asked for without ffmpeg.
     """
     if path.suffix.lower() not in SUFFIXES:
         found = repr(path.suffix) if path.suffix else "no ending"
-        raise FilmWritingError(f"--film: {path}: found {found}, needed .gif or .mp4; write for example --film demo.gif")
+        raise OutputError(f"--film: {path}: found {found}, needed .gif or .mp4; write for example --film demo.gif")
     if path.suffix.lower() == ".mp4" and not FFMpegWriter.isAvailable():
         way_out = f"install ffmpeg, or write a GIF: --film {path.with_suffix('.gif')}"
-        raise FilmWritingError(f"--film: {path}: found no program ffmpeg, needed it for an MP4; {way_out}")
+        raise OutputError(f"--film: {path}: found no program ffmpeg, needed it for an MP4; {way_out}")
 
 
 def write_film(result: ComparisonResult, path: Path, progress: ReportShare | None = None) -> None:
@@ -62,7 +58,7 @@ def write_film(result: ComparisonResult, path: Path, progress: ReportShare | Non
 
     Raises
     ------
-    FilmWritingError
+    OutputError
         If the file cannot be of the kind that its name says.
     ValueError
         If ``result`` was read from a file without trajectories.

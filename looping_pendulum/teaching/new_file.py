@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import PackageLoader
 from pydantic_core import PydanticCustomError
 
 from looping_pendulum.errors import HarnessError, ParameterError
@@ -20,6 +20,7 @@ from looping_pendulum.measured.observations import DataError
 from looping_pendulum.measured.study import REQUIRED
 from looping_pendulum.measured.study_file import Estimate, MeasuredField
 from looping_pendulum.measured.tables.readers import FileSurvey, mass_in_name, survey
+from looping_pendulum.pages.templates import templates
 from looping_pendulum.processes import ReportShare
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import loader
@@ -149,9 +150,7 @@ def new_study(
     if "rod_radius" in required:  # what winds up comes to the rod, where its size counts
         required.add("light_radius")
     shown = next((trial.shown for trial in trials if "light_radius" in trial.shown), {})
-    environment = Environment(
-        loader=PackageLoader("looping_pendulum.teaching", ""), undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
+    environment = templates(PackageLoader("looping_pendulum.teaching", ""), autoescape=False)
     environment.filters["yaml"] = _scalar
     return environment.get_template("study.yaml.jinja").render(
         title=title,

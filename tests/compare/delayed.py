@@ -9,7 +9,7 @@ import numpy as np
 
 from looping_pendulum.engines.protocol import Abilities, Profile
 from looping_pendulum.engines.reference import SUPPLIES
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import Ladder, Studies, Variation
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL, Provenance, RunStatus, from_samples
@@ -74,6 +74,6 @@ class DelayedEngine:
         other = self.settings.other_offset
         return Studies(
             ladders=(Ladder("time_step", "s", self.settings.steps),),
-            defaults=(HiddenDefault("step", "0.8 ms", "0.4 ms", "lateness", {"time_step": 8e-4}),),
-            choices=() if other is None else (AdapterChoice("when it starts", "now", "then", {"offset": other}),),
+            defaults=(Variation("step", "0.4 ms", "0.8 ms", {"time_step": 8e-4}, "lateness"),),
+            choices=() if other is None else (Variation("when it starts", "now", "then", {"offset": other}),),
         )

@@ -12,7 +12,7 @@ import pytest
 
 from looping_pendulum.compare import baseline, compare, json_text, write
 from looping_pendulum.compare.baseline import ResultChange, changes_since, read_baseline
-from looping_pendulum.compare.json_text import dump, load, plain
+from looping_pendulum.compare.json_text import JsonResult, plain
 from looping_pendulum.compare.report import comparison_markdown
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.errors import ResultError
@@ -350,7 +350,9 @@ class Inner:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outer:
+class Outer(JsonResult):
+    SCHEMA_ID = "ours"
+    SCHEMA_VERSION = 3
     name: str
     flag: bool = False
     pair: tuple[str, float] = ("", 0.0)
@@ -375,15 +377,15 @@ def text(version=1, **tree):
     return json.dumps({"schema": {"id": "ours", "version": version}} | tree)
 
 
-def read(content, version=3):
-    return load(Outer, content, "ours", version, file="f.json", rewrite_hint="make it anew")
+def read(content):
+    return Outer.from_json(content, "f.json")
 
 
 def test_there_and_back():
     whole = Outer(name="ä", flag=True, pair=("p", 2.0), many=(Inner(number=1.0, maybe=3), Inner(number=0.5)), group={"g": None})
-    assert read(dump(whole, "ours", 3)) == whole
-    assert dump(whole, "ours", 3).startswith('{\n  "schema": {\n    "id": "ours",\n    "version": 3\n  },\n  "name": "ä",')
-    assert dump(whole, "ours", 3).endswith("}\n")
+    assert read(whole.to_json()) == whole
+    assert whole.to_json().startswith('{\n  "schema": {\n    "id": "ours",\n    "version": 3\n  },\n  "name": "ä",')
+    assert whole.to_json().endswith("}\n")
     assert read(text(name="n", many=[{"number": 2}])).many[0] == Inner(number=2.0)
     assert isinstance(read(text(name="n", many=[{"number": 2}])).many[0].number, float)
 
@@ -391,15 +393,18 @@ def test_there_and_back():
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("{", "f.json: line 1: "),
-        ("{\n\n x}", "f.json: line 3: "),
+        ("{", "f.json: EOF while parsing an object at line 1 column 1; write it again"),
+        ("{\n\n x}", "at line 3 column 2"),
         (text(version=4, name="n"), "f.json: schema: found version '4', needed 3 or less; update looping-pendulum"),
         (text(version=0, name="n"), "found version '0', needed 3"),
         (text(version="1", name="n"), "needed 3 or less"),
         ('{"schema": {"id": "others", "version": 1}}', "needed the id 'ours'"),
         ('{"schema": "ours"}', "needed the id 'ours'"),
         ("3", "needed the id 'ours'"),
-        (text(), "f.json: not as documented: name: found a group of keys; field required; make it anew"),
+        (
+            text(),
+            "f.json: not as documented: name: found a group of keys; field required; write it ",
+        ),
         (text(name=3), "not as documented: name: found '3'; input should be a valid string"),
         (text(name="n", flag=1), "flag: found '1'; input should be a valid boolean"),
         (text(name="n", pair=["a", True]), "pair.1: found 'True'; input should be a valid number"),
@@ -407,12 +412,12 @@ def test_there_and_back():
         (text(name="n", many=[{"number": "x"}]), "many.0.number: found 'x'; input should be a valid number"),
         (text(name="n", many=[{"number": 1, "maybe": 1.5}]), "many.0.maybe: found '1.5'; input should be a valid integer"),
         (text(name="n", group={"g": "x"}), "group.g: found 'x'; input should be a valid number"),
-        (text(name="n")[:-1] + ', "x": 1e999}', "f.json: found 1e999, needed a finite number; make it anew"),
-        (text(name="n")[:-1] + ', "x": NaN}', "found NaN, needed a finite number"),
-        (text(name="\ud800"), "f.json: not as documented: the file: "),
-        (text(name="n", x=[{"y": "\udc00"}]), "f.json: not as documented: the file: "),
+        (text(name="n")[:-1] + ', "group": {"g": 1e999}}', "group.g: found 'inf'; input should be a finite number"),
+        (text(name="n")[:-1] + ', "x": NaN}', "f.json: expected value at line 1"),
+        (text(name="\ud800"), "f.json: "),
+        (text(name="n", x=[{"y": "\udc00"}]), "f.json: "),
         (text(name="n")[:-1] + f', "other": {"[" * 300}{"]" * 300}}}', "recursion limit"),
-        (text(name="n")[:-1] + f', "other": {"[" * 10**5}', "nesting without end"),
+        (text(name="n")[:-1] + f', "other": {"[" * 10**5}', "recursion limit"),
         (text(name="n")[:-1] + f', "other": {"1" * 10**4}}}', "f.json: "),
     ],
 )

@@ -23,7 +23,7 @@ from looping_pendulum.compare.convergence.study import (
     refined_further_by,
 )
 from looping_pendulum.compare.convergence.verdict import ladder_verdict, variant_verdict, verdict_of
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import Ladder, Studies, Variation
 from looping_pendulum.errors import EngineError
 from looping_pendulum.runs.trajectory import RunStatus
 from tests.compare.delayed import STEPS, DelayedEngine
@@ -399,7 +399,7 @@ def test_every_part_of_a_study_is_of_its_own_runs(study):
     assert study.provenance.versions == {"pymunk": "7.3"}
     assert study.provenance.settings["time_step"] == 4e-4
     assert study.label == "delayed:exact"
-    assert len(study.runs()) == 1 + 4 + 1 + 1
+    assert (len(study.ladders[0].rungs), len(study.choices), len(study.defaults)) == (4, 1, 1)
 
 
 def test_a_study_that_was_interrupted_has_what_there_is(goal, scenario):
@@ -421,7 +421,7 @@ def test_what_a_variant_offers_is_run_as_it_says(scenario):
     engine = DelayedEngine()
     other = {"offset": 5e-3}
     engine.studies = lambda: Studies(
-        choices=(AdapterChoice("c", "o", "i", other),), defaults=(HiddenDefault("d", "0", "1", "e", other),)
+        choices=(Variation("c", "o", "i", other),), defaults=(Variation("d", "1", "0", other, "e"),)
     )
     made = plan_variant(engine, scenario, [])
     assert made.choices[0][1].engine.settings == made.defaults[0][1].engine.settings == DelayedEngine(**other).settings

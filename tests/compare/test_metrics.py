@@ -88,7 +88,7 @@ def test_a_scenario_may_limit_it_in_the_unit_in_which_it_is_shown(metric, scenar
 
 @each_metric
 def test_editors_of_scenario_files_show_what_it_is(metric):
-    limits = json_schema()["$defs"]["ProfilesGroup"]["properties"]["quick"]["properties"]
+    limits = json_schema()["properties"]["tolerances"]["additionalProperties"]["properties"]["quick"]["properties"]
     assert limits[metric.name]["description"] == metric.description
     assert metric.description.endswith(".")
 

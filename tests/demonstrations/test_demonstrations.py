@@ -9,7 +9,8 @@ from typer.testing import CliRunner
 
 from looping_pendulum.cli.main import app
 from looping_pendulum.demonstrations import runner
-from looping_pendulum.demonstrations.runner import DemonstrationError, demonstrations, find_demonstrations, run_demonstration
+from looping_pendulum.demonstrations.runner import demonstrations, find_demonstrations, run_demonstration
+from looping_pendulum.errors import HarnessError
 
 
 def test_all_claims_hold_and_each_has_its_picture(tmp_path):
@@ -65,5 +66,5 @@ def test_the_command_leaves_scripts_and_keeps_what_was_changed(tmp_path):
 def test_they_are_listed_and_an_unknown_name_is_refused():
     done = CliRunner().invoke(app, ["demonstrations", "--list"])
     assert done.output.splitlines()[3] == "04_polygon               A polygon is not a circle"
-    with pytest.raises(DemonstrationError, match="no demonstration 'polygone', needed one of 01_friction_on_the_rod, "):
+    with pytest.raises(HarnessError, match="no demonstration 'polygone', needed one of 01_friction_on_the_rod, "):
         find_demonstrations(["polygone"])

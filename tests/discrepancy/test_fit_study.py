@@ -11,7 +11,7 @@ import looping_pendulum as lp
 from looping_pendulum.discrepancy.result import dump
 from looping_pendulum.errors import MissingPackageError, ParameterError
 from looping_pendulum.measured import study_io
-from looping_pendulum.notebook import html
+from looping_pendulum.notebook import study_fit
 from looping_pendulum.teaching.example_folder import write_example
 
 COLUMNS = ["t [s]", "light_x [m]", "light_y [m]", "heavy_x [m]", "heavy_y [m]"]
@@ -78,7 +78,7 @@ def test_a_fit_is_that_of_the_declared_model(fitted, identified):
     # A side force is declared by nobody: it is taken for errors that last
     assert fitted.correlated_noise
     assert "Errors that last, or what the model lacks: light mass" in repr(fitted)
-    page = html(fitted)
+    page = study_fit(fitted)
     assert page.count("<tr>") == 1 + len(fitted.values)
     assert "Errors that last, or what the model lacks: light mass" in page
 

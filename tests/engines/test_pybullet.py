@@ -141,8 +141,8 @@ def test_pushed_chain_turns_about_its_tangent_point_and_slides_as_the_reference_
     assert np.abs(mismatch).max() <= cut + 1e-12
     # What PyBullet makes of the joints' rates: every node's velocity, but for those two cuts.
     rig = PybulletChain().build(Scenario(name="test", title="", description="", parameters=p, duration=0.1))
-    joints = range(pybullet.getNumJoints(rig._body, physicsClientId=rig._world.client))
-    rows = pybullet.getLinkStates(rig._body, joints, 1, 1, physicsClientId=rig._world.client)
+    joints = range(pybullet.getNumJoints(rig._body, physicsClientId=rig._server.client))
+    rows = pybullet.getLinkStates(rig._body, joints, 1, 1, physicsClientId=rig._server.client)
     node_velocities = np.array([row[6][:2] for row in rows])
     # Away from the rod links are joined, and only some of the nodes exist
     expected = chain.velocities[rig._joining.nodes]
@@ -168,7 +168,7 @@ def nodes_on_rod(margin: float) -> tuple[list[int], float]:
     rig = PybulletChain().with_settings(neighbour_margin=margin).build(scenario(0.1, free_length=0.1))
     for _ in range(10):
         rig.advance()
-    contacts = pybullet.getContactPoints(rig._body, physicsClientId=rig._world.client)
+    contacts = pybullet.getContactPoints(rig._body, physicsClientId=rig._server.client)
     return sorted(contact[3] for contact in contacts), max(-contact[8] for contact in contacts)
 
 
@@ -286,7 +286,7 @@ def test_a_rig_leaves_no_file_and_no_server_behind(tmp_path, monkeypatch) -> Non
     pybullet = pytest.importorskip("pybullet")
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     rig = PybulletChain().build(scenario(0.01))
-    client = rig._world.client
+    client = rig._server.client
     assert pybullet.isConnected(physicsClientId=client)
     assert list(tmp_path.iterdir()) == []
     del rig
@@ -315,6 +315,6 @@ def test_friction_that_is_given_together_with_damping_is_ignored() -> None:
     frictions = []
     for together in (False, True):
         rig = PybulletChain().with_settings(friction_with_damping=together).build(case)
-        frictions.append(pybullet.getDynamicsInfo(rig._body, 2, physicsClientId=rig._world.client)[1])
+        frictions.append(pybullet.getDynamicsInfo(rig._body, 2, physicsClientId=rig._server.client)[1])
     assert frictions[0] < 0.45
     assert frictions[1] == 0.5

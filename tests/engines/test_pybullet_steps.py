@@ -3,7 +3,6 @@
 import dataclasses
 import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,7 +23,7 @@ from looping_pendulum.engines.pybullet.chain import (
     with_nodes,
     with_rigid_links,
 )
-from looping_pendulum.engines.pybullet.world import SteppedRig
+from looping_pendulum.engines.pybullet.world import PybulletRig
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 from looping_pendulum.scenarios.scenario import Scenario
@@ -78,46 +77,53 @@ def test_once_the_heavy_mass_hangs_still_steps_are_longer():
     assert without(still, *fast) == pytest.approx(longest_step(TEN_TO_ONE, UNLIMITED, CHAIN)(still, *fast), rel=1e-10)
 
 
-class FakeWorld:
+class FakeServer:
     """Adds up the simulated time and the applied impulse."""
 
-    def __init__(self, time_step, force_interval):
-        self.settings = SimpleNamespace(time_step=time_step, force_interval=force_interval)
-        self.steps, self.client, self.api = round(SAMPLE_INTERVAL / time_step), 0, self
-        self.step, self.time, self.force, self.impulse = time_step, 0.0, 0.0, 0.0
+    def __init__(self):
+        self.step, self.time, self.force, self.impulse = 0.0, 0.0, 0.0, 0.0
 
-    def setTimeStep(self, step, physicsClientId):  # noqa: N802 - PyBullet's name
+    def setGravity(self, *gravity):  # noqa: N802 - PyBullet's name
+        pass
+
+    def setPhysicsEngineParameter(self, *, fixedTimeStep, **others):  # noqa: N802, N803
+        self.step = fixedTimeStep
+
+    def setTimeStep(self, step):  # noqa: N802
         self.step = step
 
-    def stepSimulation(self, physicsClientId):  # noqa: N802
+    def stepSimulation(self):  # noqa: N802
         self.time += self.step
         self.impulse += self.step * self.force
         self.force = 0.0
 
 
-class Braked(SteppedRig):
+class Braked(PybulletRig):
     """Applies the drag of one steady motion."""
 
     def read_motion(self):
         return 0.3, 0.1, 0.0, 1.0, 0.0
 
     def apply_forces(self, light, heavy):
-        self._world.force = light[1]
+        self._server.force = light[1]
 
 
 @pytest.mark.parametrize("factor", [1.0, 1 / 3, 0.4, 1.25, 10 / 9])
 @pytest.mark.parametrize("force_interval", [1, 5])
-def test_other_steps_take_as_long_and_push_as_much(factor, force_interval):
+def test_other_steps_take_as_long_and_push_as_much(factor, force_interval, monkeypatch):
     # Oracle: time and impulse of the same motion with steps as they are: a constant drag over one sample.
-    world = FakeWorld(2e-5, force_interval)
+    monkeypatch.setattr("looping_pendulum.engines.pybullet.world.Server", FakeServer)
     p = TEN_TO_ONE.replace(light_drag=1e-3)
-    Braked(p, world, lambda *_: factor * world.settings.time_step).advance()
-    once = FakeWorld(2e-5, 1)
-    Braked(p, once).advance()
+    rig = Braked(p, replace(QUICK, force_interval=force_interval), lambda *_: factor * QUICK.time_step)
+    rig.advance()
+    once = Braked(p, replace(QUICK, force_interval=1))
+    once.advance()
+    server = rig._server
     # A group of steps is divided evenly, none of them longer than is allowed
-    assert world.step == pytest.approx(2e-5 * force_interval / math.ceil(force_interval / factor - 1e-9), rel=1e-12)
-    assert world.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
-    assert world.impulse == pytest.approx(once.impulse, rel=1e-9) != 0
+    step = QUICK.time_step * force_interval / math.ceil(force_interval / factor - 1e-9)
+    assert server.step == pytest.approx(step, rel=1e-12)
+    assert server.time == pytest.approx(SAMPLE_INTERVAL, rel=1e-12)
+    assert server.impulse == pytest.approx(once._server.impulse, rel=1e-9) != 0
 
 
 # ---- joining and splitting the links of PyBullet's chain away from the rod: what it must keep, and what a run makes of it

@@ -5,7 +5,6 @@ import json
 
 import pytest
 
-from looping_pendulum.engines import facts
 from looping_pendulum.engines.facts import (
     QUANTITIES,
     EngineFacts,
@@ -15,13 +14,14 @@ from looping_pendulum.engines.facts import (
     facts_from_plain,
     facts_path,
     own_facts,
+    read_facts,
 )
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.pymunk import PymunkChain
 from looping_pendulum.engines.registry import select
 from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
-from research import rounded
+from research import engine_facts, rounded
 from research.engine_range import (
     COMMAND,
     MAIN,
@@ -125,13 +125,13 @@ def test_a_measured_range_is_written_to_its_engines_facts_and_leaves_the_rest_al
     before = facts_path("mujoco").read_text(encoding="utf-8")
     path.write_text(before, encoding="utf-8")
     shipped = own_facts("mujoco").variant("capstan")
-    monkeypatch.setattr(facts, "facts_path", lambda engine: path)
+    monkeypatch.setattr(engine_facts, "facts_path", lambda engine: path)
     tree = json.loads(before)["variants"]["beads"]
-    facts.write_measured("mujoco:beads", "additions", tree["additions"])
+    engine_facts.write_measured("mujoco:beads", "additions", tree["additions"])
     assert path.read_text(encoding="utf-8") == before
-    facts.write_measured("mujoco:beads", "measured", [])
-    assert facts.read_facts(path).variant("beads").measured == ()
-    assert facts.read_facts(path).variant("capstan") == shipped
+    engine_facts.write_measured("mujoco:beads", "measured", [])
+    assert read_facts(path).variant("beads").measured == ()
+    assert read_facts(path).variant("capstan") == shipped
 
 
 @pytest.mark.parametrize("name", MAIN)

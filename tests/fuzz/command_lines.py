@@ -17,6 +17,7 @@ import typer
 from hypothesis import strategies as st
 
 from looping_pendulum.cli import main as cli
+from looping_pendulum.compare.trajectories import CSV_HEADER
 from looping_pendulum.errors import HarnessError
 from tests.fuzz.damage import Draw, words
 
@@ -33,7 +34,6 @@ WORK = (
     "looping_pendulum.discrepancy.identify.identify",
     "looping_pendulum.demonstrations.runner.run_demonstration",
     "looping_pendulum.teaching.tracker.run_isolated",
-    "looping_pendulum.teaching.tracker.solve",
     "looping_pendulum.discrepancy.inputs.read_inputs",
 )
 """Where work begins; a command line that gets there was accepted."""
@@ -95,9 +95,8 @@ def seeds() -> list[bytes]:
         "title: m\nscenario: mine.yaml\nparameters: {release_angle: {from: 60 deg, to: 90 deg, count: 3}}\n"
     )
     (here / "latin.csv").write_bytes(b"t,x,y\n0,1,\xfc\n")
-    masses = [f"{mass}_{part}" for mass in ("heavy", "light") for part in ("x [m]", "y [m]", "vx [m/s]", "vy [m/s]")]
-    head = ",".join(["t [s]", *masses]) + "\n"
-    rows = ["0,0,0,0,0,1,0,0,0\n", "0.1,0,0,0,0,1,0,0,0\n"]
+    head = ",".join(CSV_HEADER) + "\n"
+    rows = ["0,0,0,0,0,1,0,0,0,,,,,,,\n", "0.1,0,0,0,0,1,0,0,0,,,,,,,\n"]
     (here / "runs.csv").write_text(head + "".join(rows))
     (here / "back.csv").write_text(head + "".join(reversed(rows)))
     (here / "result.json").write_text("{}")

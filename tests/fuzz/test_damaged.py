@@ -36,7 +36,7 @@ def test_a_damaged_input_is_accepted_or_refused_in_one_line(kind, tmp_path, monk
 
 def sevens(data: bytes) -> None:
     if data == b"77":
-        raise HarnessError("found two sevens,\nneeded none")
+        raise KeyError("an error that is not ours")
     if data == b"7":
         raise HarnessError("found a seven, needed none")
     if data == b"8":
@@ -48,6 +48,6 @@ def sevens(data: bytes) -> None:
 def test_a_fault_is_told_from_a_refusal():
     assert was_accepted(sevens, b"1")
     assert not was_accepted(sevens, b"7")
-    for data, error in ((b"77", AssertionError), (b"8", RuntimeWarning), (b"9", TimeoutError)):
+    for data, error in ((b"77", KeyError), (b"8", RuntimeWarning), (b"9", TimeoutError)):
         with pytest.raises(error):
             was_accepted(sevens, data, cpu_limit=0.05)

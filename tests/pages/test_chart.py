@@ -7,7 +7,6 @@ from looping_pendulum.files import SkippedOutputWarning
 from looping_pendulum.pages.chart import BLACK, Chart, ChartAxis, Curve, Guide, Panel, make_charts, with_room
 from looping_pendulum.pages.drawing import draw
 from looping_pendulum.pages.figures import MAX_LINE_POINTS, on_page
-from looping_pendulum.pages.palette import COLOURS
 
 
 def chart(*panels, **fields):
@@ -25,23 +24,6 @@ def both(*curves, **fields):
     """Return the axes and the figure of the page of one panel."""
     one = chart(panel(*curves, **fields))
     return draw(one).axes[0], on_page(one)
-
-
-def test_bars_reach_from_zero_and_have_their_words():
-    bars = Curve(label="a", x=[3.0, -1.0], y=[0.0, 1.2], bar_height=0.4, colour=COLOURS[1], words=["<3>", "one"])
-    axes, page = both(bars, guides=[Guide(x=1.0)])
-    boxes = [bar.get_bbox().bounds for bar in axes.patches]
-    np.testing.assert_allclose(boxes, [(0, -0.2, 3, 0.4), (0, 1.0, -1, 0.4)])
-    assert [text.get_text() for text in axes.texts] == ["<3>", "one"]
-    assert all(bar.get_zorder() < axes.lines[0].get_zorder() for bar in axes.patches), "a line is seen above them"
-    low, high = axes.get_xlim()
-    assert low < -1.1
-    assert high > 3.1, "room for words"
-    (trace,) = page["traces"]
-    assert (trace["type"], trace["orientation"], trace["x"], trace["y"]) == ("bar", "h", [3.0, -1.0], [0.0, 1.2])
-    # Plotly moves bars that have no offset beside those of other traces
-    assert (trace["width"], trace["offset"]) == (0.4, -0.2)
-    assert (trace["text"], trace["marker"]["color"]) == (["&lt;3&gt;", "one"], "var(--run-1)")
 
 
 def test_a_band_lies_about_its_line():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from looping_pendulum.errors import ParameterError
-from looping_pendulum.notebook import html
+from looping_pendulum.notebook import reference_run
 from looping_pendulum.reference_ode.cartesian import cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.closed_forms import mechanical_energy
 from looping_pendulum.reference_ode.effects import COEFFICIENTS, EFFECTS, Kinematics, drag_coefficient
@@ -228,11 +228,11 @@ def test_beyond_the_first_turn_string_lies_on_string():
 
 def test_a_run_in_a_notebook_tells_its_events():
     run = solve(TEN_TO_ONE)
-    page = html(run)
+    page = reference_run(run)
     assert f"halts after {run.halting_time:.4f} s" in page
     assert f"{float(run.heavy_drop(run.halt.state)):.4f}" in page
     assert f"{float(run.halt.state.wrap_angle):.4f}" in page
     assert f"{float(run.halt.state.free_length):.4f}" in page
     for event in run.events:
         assert (f"{event.time:.6f}" in page) or event.event is not None
-    assert "does not halt within 0.2 s" in html(solve(TEN_TO_ONE, duration=0.2))
+    assert "does not halt within 0.2 s" in reference_run(solve(TEN_TO_ONE, duration=0.2))

@@ -105,7 +105,7 @@ APPENDED = [
     ),
     ("inferred: x", ":11: inferred: expected a list, got 'x'"),
     ("inferred:\n- {parameters: [release.angel], how: x}", ":12: inferred[0].parameters[0]: expected a key of this file"),
-    ("inferred:\n- {parameters: [], how: x}", ":12: inferred[0].parameters: found an empty list, needed at least one entry"),
+    ("inferred:\n- {parameters: [rod.radius], how: []}", ":12: inferred[0].how: expected text, got a list"),
     ("measured: {file: ../x, sha256: ab, source: s}", ":11: measured.file: expected a path below a data folder"),
     ("measured: {file: /x, sha256: ab, source: s}", ":11: measured.file: expected a path below a data folder"),
     ("measured: {file: x, sha256: ab, source: s}", ":11: measured.sha256: expected 64 hexadecimal digits, got 'ab'"),

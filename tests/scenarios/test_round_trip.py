@@ -55,7 +55,8 @@ def parameter_sets(draw):
 
 tolerances = st.builds(
     Tolerance,
-    engine=st.sampled_from(["pymunk:chain", "mine:own engine", "x"]) | words,
+    # No key of a file is in such brackets
+    engine=st.sampled_from(["pymunk:chain", "mine:own engine", "x"]) | words.filter(lambda name: name[:1] + name[-1:] != "<>"),
     profile=st.sampled_from(PROFILES),
     metric=st.sampled_from(list(METRICS)),
     limit=st.floats(0, 1e6),
@@ -141,19 +142,6 @@ def test_a_file_may_have_a_byte_order_mark_and_windows_line_ends(tmp_path):
 def test_text_that_looks_like_a_number_or_a_truth_value_stays_text():
     assert load_text(GOOD.replace("A trial", "1:30"), "my").title == "1:30"
     assert load_text(GOOD.replace("A trial", "no"), "my").title == "no"
-
-
-def test_two_limits_on_one_number_are_refused():
-    t = Tolerance(engine="a:b", profile="quick", metric="rms_halt", limit=1.0, reason="r")
-    with pytest.raises(ScenarioError, match="found two limits, needed one"):
-        Scenario(name="x", title="", description="", parameters=load("drop").parameters, duration=1.0, tolerances=(t, t))
-
-
-@pytest.mark.parametrize("change", [{"metric": "rms"}, {"profile": "slow"}, {"limit": -1.0}, {"limit": math.nan}])
-def test_a_tolerance_that_judges_nothing_is_refused(change):
-    good = {"engine": "a:b", "profile": "quick", "metric": "rms_halt", "limit": 1.0, "reason": "r"}
-    with pytest.raises(ScenarioError, match="tolerances: "):
-        Tolerance(**(good | change))
 
 
 @pytest.fixture

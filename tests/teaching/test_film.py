@@ -7,7 +7,7 @@ import pytest
 from matplotlib.animation import FFMpegWriter
 from PIL import Image
 
-from looping_pendulum.compare.trajectories import trajectory_csv
+from looping_pendulum.compare.trajectories import CSV_HEADER, trajectory_csv
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import select
 from looping_pendulum.errors import HarnessError
@@ -16,7 +16,7 @@ from looping_pendulum.measured.tables.readers import read
 from looping_pendulum.reference_ode.solve import solve
 from looping_pendulum.scenarios import load
 from looping_pendulum.teaching.film import FRAME_RATE, MAX_FRAMES, check_film, frame_times, write_film
-from looping_pendulum.teaching.tracker import TrackerError, find_motion, overlay, trajectory_motion
+from looping_pendulum.teaching.tracker import HEADER, find_motion, motion_of, overlay, tracker_csv
 from tests.pages.small import small_result, with_points
 
 
@@ -85,37 +85,26 @@ def simulated(engine, profile=Profile.QUICK):
 @pytest.mark.long
 @pytest.mark.parametrize("engine", [None, "mujoco:capstan"])
 def test_our_readers_read_every_digit_back(tmp_path, engine):
-    frames = overlay(find_motion("ten_to_one", engine), frame_rate=240.0, start=0.35)
+    _, rows = overlay(find_motion("ten_to_one", engine), frame_rate=240.0, start=0.35)
     file = tmp_path / "overlay.csv"
-    file.write_text(frames.to_csv())
+    file.write_text(tracker_csv(rows))
     # By the clip's clock, which the study of such a file would state by `clock_offset`
     points = read(file, starts_at_release=False)
     assert not points.unused
-    for name, values in (("heavy", frames.heavy), ("light", frames.light)):
-        for axis, column in zip("xy", values.T, strict=True):
-            channel = points.channel(f"{name}_{axis}")
-            assert np.array_equal(channel.t, frames.t)
-            assert np.array_equal(channel.value, column)
+    for name, values in zip(HEADER[1:], rows.T[1:], strict=True):
+        channel = points.channel(f"{name[:-1]}_{name[-1]}")
+        assert np.array_equal(channel.t, rows[:, 0])
+        assert np.array_equal(channel.value, values)
 
 
 def test_rows_lie_on_the_frames_of_the_video_and_have_the_places_of_the_reference():
-    frames = overlay(find_motion("ten_to_one"), frame_rate=240.0, start=0.3512)
-    assert frames.first_frame == 85  # 0.3512 s is between the frames 84 and 85
-    assert np.array_equal(frames.t, (85 + np.arange(len(frames.t))) / 240)
-    scenario = load("ten_to_one")
-    samples = solve(scenario.parameters).sample(frames.t - 0.3512)
-    assert np.array_equal(frames.light, samples.light_position)
-    assert np.array_equal(frames.heavy, samples.heavy_position)
-
-
-def test_between_samples_an_engines_run_is_as_near_to_the_reference_as_on_them():
-    run = simulated("reference", Profile.ACCURATE)
-    frames = overlay(trajectory_motion(run), frame_rate=777.0)
-    exact = overlay(find_motion("ten_to_one"), frame_rate=777.0)
+    first, rows = overlay(find_motion("ten_to_one"), frame_rate=240.0, start=0.3512)
+    assert first == 85  # 0.3512 s is between the frames 84 and 85
+    assert np.array_equal(rows[:, 0], (85 + np.arange(len(rows))) / 240)
+    exact = solve(load("ten_to_one").parameters).sample(rows[:, 0] - 0.3512)
     # Samples are 1 ms apart and a cubic bends by the fourth power of it; at the halt, where the acceleration jumps by some
     # 20 m/s^2, it is off by a tenth of a (1 ms)^2: 2 um.
-    assert np.abs(frames.light - exact.light).max() < 1e-5
-    assert np.abs(frames.heavy - exact.heavy).max() < 1e-5
+    assert np.abs(rows[:, 1:] - np.hstack([exact.heavy_position, exact.light_position])).max() < 1e-5
 
 
 def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
@@ -125,36 +114,37 @@ def test_a_run_in_a_folder_of_compare_is_found(tmp_path):
         run = simulated(engine)
         (folder / f"{file_stem(run.label, run.profile)}.csv").write_text(trajectory_csv(run))
     (folder / "reference.csv").write_text(trajectory_csv(simulated("reference")))
-    exact = overlay(find_motion("ten_to_one"))
-    kept = overlay(find_motion(str(tmp_path)))
-    assert np.allclose(kept.light, exact.light, atol=1e-5)
-    engine = overlay(find_motion(str(tmp_path), "mujoco:documented"))
-    assert np.abs(engine.light - exact.light).max() > 0.1  # it never halts
-    with pytest.raises(TrackerError, match="2 runs of 'mujoco'.*choose by --engine"):
+    _, exact = overlay(motion_of(simulated("reference")), frame_rate=240.0)
+    _, kept = overlay(find_motion(str(tmp_path)), frame_rate=240.0)
+    assert np.allclose(kept, exact, atol=1e-8), "nine digits"
+    _, engine = overlay(find_motion(str(tmp_path), "mujoco:documented"), frame_rate=240.0)
+    assert np.abs(engine[:, 3:] - exact[:, 3:]).max() > 0.1  # it never halts
+    with pytest.raises(HarnessError, match="2 runs of 'mujoco'.*choose by --engine"):
         find_motion(str(tmp_path), "mujoco")
-    with pytest.raises(TrackerError, match="no run of 'pymunk'"):
+    with pytest.raises(HarnessError, match="no run of 'pymunk'"):
         find_motion(str(tmp_path), "pymunk")
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"frame_rate": 0.0}, "--fps: found 0"),
-        ({"frame_rate": float("nan")}, "--fps: found nan"),
-        ({"start": -1.0}, "--start: found -1"),
         ({"frame_rate": 0.1, "start": 1.0}, "no frame falls into"),
+        ({"frame_rate": 240.0, "start": 1e300}, r"^--start, --fps: found 1e\+300 s and 240 frames per second"),
     ],
 )
 def test_impossible_frames_are_refused(options, message):
-    with pytest.raises(TrackerError, match=message):
-        overlay(find_motion("ten_to_one"), **options)
+    with pytest.raises(HarnessError, match=message):
+        overlay(motion_of(simulated("reference")), **options)
 
 
-def test_a_file_that_is_no_run_is_refused_in_one_line(tmp_path):
+@pytest.mark.parametrize("text", ["t,x,y\n0,1,2\n", ",".join(CSV_HEADER) + "\n0,1,,2\n"])
+def test_a_file_that_is_no_run_is_refused_in_one_line(tmp_path, text):
     file = tmp_path / "marks.csv"
-    file.write_text("t,x,y\n0,1,2\n")
+    file.write_text(text)
     (tmp_path / "empty").mkdir()
-    with pytest.raises(TrackerError, match="found no column 'heavy_x'"):
+    with pytest.raises(
+        HarnessError, match=r"^[^\n]*marks\.csv: found no run \(.*\), needed a file that `looping-pendulum run --out`"
+    ):
         find_motion(str(file))
-    with pytest.raises(TrackerError, match="found no runs"):
+    with pytest.raises(HarnessError, match="found no runs"):
         find_motion(str(tmp_path / "empty"))

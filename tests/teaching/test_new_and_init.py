@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 from looping_pendulum.cli.main import app
 from looping_pendulum.discrepancy.identify import identify
 from looping_pendulum.errors import HarnessError
+from looping_pendulum.files import OutputError
 from looping_pendulum.measured import study_io
 from looping_pendulum.measured.study import read_files
 from looping_pendulum.measured.tables.readers import read, survey
@@ -19,7 +20,7 @@ from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios import load
 from looping_pendulum.scenarios.loader import shipped
 from looping_pendulum.scenarios.quantities import QUANTITIES
-from looping_pendulum.teaching.example_folder import FolderError, write_example
+from looping_pendulum.teaching.example_folder import write_example
 from looping_pendulum.teaching.new_file import NewFileError
 from scripts.make_example_trials import FOLDER, HIDDEN, trials
 
@@ -239,9 +240,9 @@ def test_the_example_folder_loads(here):
 def test_a_folder_with_anything_in_it_is_left_alone(here):
     Path("full").mkdir()
     Path("full/notes.txt").write_text("mine")
-    with pytest.raises(FolderError, match=r"found notes.txt, needed an empty or a new folder"):
+    with pytest.raises(OutputError, match=r"found notes.txt, needed an empty or a new folder"):
         write_example(Path("full"))
-    with pytest.raises(FolderError, match="found a file, needed a folder"):
+    with pytest.raises(OutputError, match="found a file, needed a folder"):
         write_example(Path("full/notes.txt"))
     assert [p.name for p in Path("full").iterdir()] == ["notes.txt"]
 

@@ -138,11 +138,6 @@ class VariantStudy:
         """Return the largest change of quantity ``name`` that another choice of the adapter makes."""
         return max((abs(moved) for one in self.choices if (moved := one.change[name]) is not None), default=None)
 
-    def runs(self) -> list[RunSummary]:
-        """Return every run that is reported; one that is a rung of several ladders comes several times."""
-        rungs = [rung.run for ladder in self.ladders for rung in ladder.rungs]
-        return [self.own, *rungs, *(one.run for one in (*self.choices, *self.defaults))]
-
 
 @dataclass(frozen=True, kw_only=True)
 class StudyClock:

@@ -36,7 +36,7 @@ from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder
+from looping_pendulum.engines.studies import Ladder, Variation
 from looping_pendulum.errors import EngineError
 from looping_pendulum.files import write_atomically
 from looping_pendulum.processes import ReportShare
@@ -88,8 +88,8 @@ class StudyPlan:
     own: RunTask
     starts: tuple[tuple[str, RunTask], ...]
     ladders: tuple[tuple[Ladder, tuple[RunTask, ...]], ...]
-    choices: tuple[tuple[AdapterChoice, RunTask], ...]
-    defaults: tuple[tuple[HiddenDefault, RunTask], ...]
+    choices: tuple[tuple[Variation, RunTask], ...]
+    defaults: tuple[tuple[Variation, RunTask], ...]
 
     def tasks(self) -> list[RunTask]:
         """Return all runs; the coarse rungs of all ladders come before any fine one, which they may cause to be left out."""
@@ -156,8 +156,7 @@ def plan_variant(engine: Engine, scenario: Scenario, starts: Sequence[tuple[str,
         ladders=tuple(ladders),
         choices=tuple((choice, task(engine.with_settings(**choice.changes), choice.what)) for choice in studies.choices),
         defaults=tuple(
-            (default, task(engine.with_settings(**default.changes), f"default {default.setting}"))
-            for default in studies.defaults
+            (default, task(engine.with_settings(**default.changes), f"default {default.what}")) for default in studies.defaults
         ),
     )
 
@@ -265,10 +264,10 @@ def evaluate_variant(
     def measured(task: RunTask, against: ReferenceTarget = target) -> MeasuredRun:
         return measure_run(task.key, runs.get(task.key), against)
 
-    def variation(what: str, ours: str, other: str, effect: str, task: RunTask) -> VariationStudy:
+    def variation(one: Variation, task: RunTask) -> VariationStudy:
         run = measured(task)
         changes = {name: change(name, own.errors, run.errors) for name in QUANTITIES}
-        return VariationStudy(what=what, ours=ours, other=other, effect=effect, run=run.summary, change=changes)
+        return VariationStudy(what=one.what, ours=one.ours, other=one.other, effect=one.effect, run=run.summary, change=changes)
 
     own = measured(plan.own)
     # Each against its own reference: the spread is that of the engine's error, not that of the motion
@@ -278,7 +277,7 @@ def evaluate_variant(
     ladders = [
         MeasuredLadder(
             ladder=ladder,
-            own=setting_value(plan.engine, ladder.setting),
+            own=ladder.own_value(plan.engine.settings),
             refined_further_by=refined_further_by(place, [one for one, _ in plan.ladders]),
             rungs=tuple(map(measured, tasks)),
             noise=noise,
@@ -286,7 +285,7 @@ def evaluate_variant(
         for place, (ladder, tasks) in enumerate(plan.ladders)
     ]
     counted = [one for one in ladders if not one.refined_further_by]
-    choices = tuple(variation(one.what, one.ours, one.instead, "", task) for one, task in plan.choices)
+    choices = tuple(variation(*each) for each in plan.choices)
     verdicts = []
     for name in QUANTITIES:
         # What the reference itself has not in this time is not judged
@@ -305,7 +304,7 @@ def evaluate_variant(
         ladders=tuple(one.study(own.errors) for one in ladders),
         spread=spread,
         choices=choices,
-        defaults=tuple(variation(one.setting, one.ours, one.default, one.effect, task) for one, task in plan.defaults),
+        defaults=tuple(variation(*each) for each in plan.defaults),
         verdicts=tuple(verdicts),
         provenance=stored_provenance(
             Provenance(
@@ -380,12 +379,6 @@ def change(name: str, of: Errors, to: Errors) -> float | None:
         return None
     moved = to[name] - of[name]
     return rms_norm(moved) if name in PATH_END_TIMES else float(moved[0, 0])
-
-
-def setting_value(engine: Engine, setting: str) -> float | None:
-    """Return the value of a setting of ``engine``; None if that is not a number."""
-    value = getattr(engine.settings, setting, None)
-    return float(value) if isinstance(value, (int, float)) else None
 
 
 def finest_value(ladder: Ladder, setting: str) -> float | None:

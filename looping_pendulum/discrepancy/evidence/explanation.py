@@ -166,7 +166,7 @@ def _all_priors(fit: Fit, parts: Parts, m: Marginal, setting: int) -> float:
     assert parts.law is not None
     weighing = weighed(fit, parts.law, parts.prior, m.gram[setting])
     own = weighing.log_bayes_factor(parts.prior)
-    # What the linear model promises by another prior beyond this, no fit has kept: see `_with_best_prior`
+    # What the linear model promises by another prior beyond this, no fit has kept: see `with_best_prior`
     log_bf = np.minimum(weighing.log_bayes_factors, own)
     return float(np.logaddexp.reduce(log_bf, axis=None)) - math.log(log_bf.size) - own
 
@@ -247,7 +247,7 @@ class Addition:
         return self.parent.log_z + self.gain + log_prior(len(self.parts.effects), self.library, of_law)
 
 
-def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, Parts] | None:
+def fit_addition(a: Addition, needless_below: float = -math.inf) -> Fit | None:
     """Fit an explanation with what is added to it, from where the linear model leads; None: it cannot run, or is needless.
 
     Parameters
@@ -293,18 +293,16 @@ def fit_addition(a: Addition, needless_below: float = -math.inf) -> tuple[Fit, P
         decrease = parent.cost - min((f.cost for f in fits), default=math.inf)
         if decrease > 0.9 * a.decrease or (i and decrease > 0):
             break
-    if not fits:
-        return None
-    fit = min(fits, key=lambda f: f.cost)
-    return (fit, a.parts) if a.law is None else _with_best_prior(fit, a.parts)
+    return min(fits, key=lambda f: f.cost, default=None)
 
 
-def _with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
-    """Return the fit of a law by the prior of its weights that is most probable beside the fit itself.
+def with_best_prior(fit: Fit, parts: Parts) -> tuple[Fit, Parts]:
+    """Return a fit, if it has a law, by the prior of its weights that is most probable beside the fit itself.
 
-    The one that it began with is that of a linear model, which may be far off.
+    The one that it began with is that of a linear model, which may be far off, or that of the law before an effect was added.
     """
-    assert parts.law is not None
+    if parts.law is None:
+        return fit, parts
     for _ in range(MAX_PRIORS):
         rows = np.column_stack([fit.residuals, fit.jacobian])
         weighing = weighed(fit, parts.law, parts.prior, rows.T @ rows)

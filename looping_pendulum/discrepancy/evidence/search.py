@@ -21,6 +21,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     fit_to_data,
     fit_without,
     raw,
+    with_best_prior,
 )
 from looping_pendulum.discrepancy.evidence.laws import laws_beside
 from looping_pendulum.discrepancy.evidence.marginal import Marginal, NoiseGrid
@@ -137,7 +138,7 @@ class Search:
         """Keep an explanation unless a better fit of it is known."""
         # Those settings alone that matter so far: all of them, for what may be said in the end
         settings = sorted({0, self.best.setting, self.fitted[NOTHING].setting}) if self.fitted else None
-        e = explained(self.grid, fit, parts, len(self.library), settings)
+        e = explained(self.grid, *with_best_prior(fit, parts), len(self.library), settings)
         known = self.fitted.get(e.key)
         if known is None or e.log_posterior > known.log_posterior:
             self.fitted[e.key] = e
@@ -167,13 +168,15 @@ class Search:
         """Return the explanations to which more is added: those near the best, and the best of each kind.
 
         Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
-        which it adds something; while it leaves a misfit, of every kind.
+        which it adds something; while it is not, of every kind, and what leaves least by white noise as well.
         """
-        found, best, is_settled = self._near_best(), self.best, self.settled
+        found, best = self._near_best(), self.best
         for of_kind in self._by_kind():
-            if not is_settled or len(of_kind[0].key) < len(best.key):
-                limit = of_kind[0].log_posterior - MARGIN if is_settled else -math.inf
-                found += [e for e in of_kind[:BEAM] if e.log_posterior > limit]
+            if not self.settled:
+                # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
+                found += [*of_kind[:BEAM], *sorted(of_kind, key=lambda e: e.fit.cost)[:BEAM]]
+            elif len(of_kind[0].key) < len(best.key):
+                found += [e for e in of_kind[:BEAM] if e.log_posterior > of_kind[0].log_posterior - MARGIN]
         return found
 
     def _fit_without_parts(self) -> None:
@@ -241,8 +244,8 @@ class Search:
                 refuse_if_time_is_over()
                 self.tried.add(a.key)
                 self.report_fit(f"fitting {in_words(a.key)}")
-                if fitted := fit_addition(a, self._needless_below(a)):
-                    self._add(*fitted)
+                if fit := fit_addition(a, self._needless_below(a)):
+                    self._add(fit, a.parts)
 
     def _needless_below(self, a: Addition) -> float:
         """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
@@ -285,15 +288,12 @@ class Search:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
         The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
-        derivative: that is fitted while the best one is not settled, and beside a law that leaves a misfit. What is then no
-        better than a part of it, is needless.
+        derivative: that is fitted while the best one is not settled. What is then no better than a part of it, is needless.
         """
         if a.parts.law is None and len(a.key) == 1:
             return True
-        if len(a.templates) == 1 and a.templates[0].finite:
-            # A law of any form takes up most of what there is
-            if self.leaves_a_misfit(a.parent) if a.parts.law else not self.settled:
-                return True
+        if len(a.templates) == 1 and a.templates[0].finite and not self.settled:
+            return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
         said = max(self.proposed.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))

@@ -268,15 +268,15 @@ def events_chart(result: Identification) -> Chart:
 def explanations_chart(result: Identification) -> Chart:
     """Return the odds of the explanations against that nothing is missing as bars."""
     shown = [e for e in result.explanations if e.names]
-    rows, height = _rows([" + ".join(e.names) for e in shown])
+    rows, height = _rows([f"{probability_in_words(e.probability)}: {' + '.join(e.names)}" for e in shown])
     bars = []
     for label, credible, colour in (("95 % of the probability", True, MODEL_COLOURS["after"]), ("others", False, GREY)):
         # At places of their own: two laws may have one name
         chosen = [(i, e) for i, e in enumerate(shown) if e.credible == credible]
         if chosen:
-            said = [probability_in_words(e.probability) for _, e in chosen]
-            odds = [e.log10_odds for _, e in chosen]
-            bars.append(Curve(label=label, x=odds, y=[i for i, _ in chosen], colour=colour, bar_height=0.8, words=said))
+            ends = [end for _, e in chosen for end in (0.0, e.log10_odds)]
+            at = [i for i, _ in chosen for _ in range(2)]
+            bars.append(Curve(label=label, x=ends, y=at, colour=colour, width=12, in_pairs=True))
     return Chart(
         id="explanations",
         caption="How much more probable each explanation is than that nothing is missing, in powers of ten, and its "

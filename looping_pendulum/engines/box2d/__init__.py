@@ -20,7 +20,7 @@ from looping_pendulum.engines.chain import (
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
@@ -199,42 +199,33 @@ class Box2dChain(SteppedEngine):
                 Ladder("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4)),
             ),
             defaults=(
-                HiddenDefault(
+                Variation(
                     "timeStep",
-                    "none; 1 ms is finer than the 1/60 s of its guides",
                     quantity(s.time_step, "s", 3),
-                    "length of a step, during which a contact keeps its direction",
+                    "none; 1 ms is finer than the 1/60 s of its guides",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+                    "length of a step, during which a contact keeps its direction",
                 ),
-                HiddenDefault(
+                Variation(
                     "jointHertz",
-                    "60 Hz",
                     f"{60e-3 / s.time_unit:g} kHz, by units of {quantity(s.time_unit, 's', 3)}; "
                     "an eighth of the sub-steps' if less",
-                    "how stiff joints are; pyb2d3 gives no access to it",
+                    "60 Hz",
                     {"time_unit": 1.0},
-                ),
-                HiddenDefault(
-                    "contactHertz",
-                    "30 Hz",
-                    "a quarter of the sub-steps' frequency",
-                    "how stiff contacts are",
-                    {"contact_hertz": 30.0},
-                ),
-                HiddenDefault(
-                    "lengthUnitsPerMeter",
-                    "1: no joint is shorter than 5 mm",
-                    f"units of {quantity(s.length_unit, 'm', 3)}",
-                    "the length of which the shortest joint is 0.005",
-                    {"length_unit": 1.0},
+                    "how stiff joints are; pyb2d3 gives no access to it",
                 ),
                 default_row(
                     s,
-                    "sleeping",
-                    True,
-                    "enableSleep",
-                    "bodies below 0.05 length units per time unit are stopped after 0.5 time units",
+                    "contact_hertz",
+                    30.0,
+                    "contactHertz",
+                    "how stiff contacts are; Box2D takes a quarter of the sub-steps' frequency if that is lower",
+                    "Hz",
                 ),
+                default_row(
+                    s, "length_unit", 1.0, "lengthUnitsPerMeter", "the length of which the shortest joint is 0.005", "m"
+                ),
+                default_row(s, "sleeping", True, "enableSleep", "bodies slower than 0.05 units stop after half a time unit"),
                 default_row(
                     s,
                     "continuous",
@@ -244,10 +235,10 @@ class Box2dChain(SteppedEngine):
                 ),
             ),
             choices=(
-                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
-                AdapterChoice("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
+                Variation("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                Variation("length unit", quantity(s.length_unit, "m", 3), "1 mm", {"length_unit": 1e-3}),
                 *bead_choices(s),
-                AdapterChoice("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
+                Variation("contact damping ratio", f"{s.contact_damping_ratio:g}", "1", {"contact_damping_ratio": 1.0}),
             ),
         )
 

@@ -23,7 +23,7 @@ from looping_pendulum.engines.chain import (
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -318,12 +318,12 @@ class DrakeChain(SteppedEngine):
                 Ladder("stiction_tolerance", "m/s", (1e-2, 1e-3, 1e-4, 1e-5)),
             ),
             defaults=(
-                HiddenDefault(
+                Variation(
                     "time_step",
-                    "1 ms",
                     quantity(s.time_step, "s", 3),
-                    "length of a step",
+                    "1 ms",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+                    "length of a step",
                 ),
                 default_row(
                     s,
@@ -332,26 +332,14 @@ class DrakeChain(SteppedEngine):
                     "discrete_contact_approximation",
                     "which convex problem stands for Coulomb's law; lagged takes the friction's bound from the step before",
                 ),
-                HiddenDefault(
-                    "point_stiffness",
-                    "5e5 N/m (1e6 of either body, in a row)",
-                    f"{s.contact_stiffness:g} N/m",
-                    "how far a bead sinks in",
-                    {"contact_stiffness": 5e5},
-                ),
-                HiddenDefault(
-                    "hunt_crossley_dissipation",
-                    "50 s/m",
-                    f"{s.contact_dissipation:g} s/m",
-                    "how fast a bead that sinks in or comes off is braked",
-                    {"contact_dissipation": 50.0},
-                ),
+                default_row(s, "contact_stiffness", 5e5, "point_stiffness", "how far a bead sinks in", "N/m"),
+                default_row(s, "contact_dissipation", 50.0, "hunt_crossley_dissipation", "how much a bead is braked", "s/m"),
             ),
             choices=(
-                AdapterChoice(
+                Variation(
                     "convex approximation of Coulomb's law", s.contact_approximation, "sap", {"contact_approximation": "sap"}
                 ),
-                AdapterChoice("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
+                Variation("rod", f"a {s.rod_shape}", "a cylinder", {"rod_shape": "cylinder"}),
                 *bead_choices(s),
             ),
         )

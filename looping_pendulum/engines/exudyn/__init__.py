@@ -23,7 +23,7 @@ from looping_pendulum.engines.chain import (
 )
 from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import CartesianForce, MassesAtRelease, Vector, cartesian_force, masses_at_release
@@ -417,31 +417,27 @@ class ExudynCable(SteppedEngine):
                     "useReducedOrderIntegration",
                     "elements that bend must stretch, so that they resist bending round the rod",
                 ),
-                HiddenDefault(
+                Variation(
                     "frictionStiffness",
-                    "0; without a velocity penalty, 0 by default too, there is no friction",
                     quantity(s.friction_stiffness, "N/m", 3),
-                    f"nothing sticks; with a velocity penalty of {VELOCITY_PENALTY:g} N s/m it creeps",
+                    "0; without a velocity penalty, 0 by default too, there is no friction",
                     {"friction_stiffness": 0.0, "friction_velocity_penalty": VELOCITY_PENALTY},
+                    f"nothing sticks; with a velocity penalty of {VELOCITY_PENALTY:g} N s/m it creeps",
                 ),
             ),
             choices=(
-                AdapterChoice(
+                Variation(
                     "bending stiffness",
                     quantity(s.bending_stiffness, "N m^2", 3),
                     "double",
                     {"bending_stiffness": 2 * s.bending_stiffness},
                 ),
-                AdapterChoice(
-                    "string mass", f"{100 * s.mass_fraction:g} % of M1", "half", {"mass_fraction": s.mass_fraction / 2}
-                ),
-                AdapterChoice(
+                Variation("string mass", f"{100 * s.mass_fraction:g} % of M1", "half", {"mass_fraction": s.mass_fraction / 2}),
+                Variation(
                     "initial tension", quantity(s.initial_tension, "N", 3), "half", {"initial_tension": s.initial_tension / 2}
                 ),
-                AdapterChoice(
-                    "axial damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}
-                ),
-                AdapterChoice("rod's radius and friction", "corrected for the segments", "as they are", {"polygon": False}),
+                Variation("axial damping", quantity(s.axial_damping, "N s", 3), "half", {"axial_damping": s.axial_damping / 2}),
+                Variation("rod's radius and friction", "corrected for the segments", "as they are", {"polygon": False}),
             ),
         )
 

@@ -31,7 +31,7 @@ from looping_pendulum.engines.mujoco.model import (
     time_constant_default,
 )
 from looping_pendulum.engines.protocol import Profile, SteppedEngine
-from looping_pendulum.engines.studies import HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
 
@@ -243,9 +243,7 @@ class MujocoBeads(SteppedEngine):
         steps = [{"time_step": dt, "steps_per_group": round(group_time / dt)} for dt in (2e-5, 1e-5, 5e-6, 2.5e-6, 1.25e-6)]
         return Studies(
             ladders=(
-                Ladder(
-                    "time_step", "s", steps, "steps between two updates of drag and beads, so that the time between them stays"
-                ),
+                Ladder("time_step", "s", steps, "steps per update of drag and beads, so that its interval stays"),
                 bend_rungs(s, (0.4, 0.32, 0.28, 0.24, 0.2)),
                 Ladder("bead_mass_ratio", "", (8e-4, 4e-4, 2e-4, 1e-4, 5e-5)),
                 softness_rungs("contact_time_constant", s.time_step),
@@ -255,12 +253,12 @@ class MujocoBeads(SteppedEngine):
                 time_constant_default(s, "string_time_constant", "solref (links)", "how fast links return to their length"),
                 time_constant_default(s, "contact_time_constant", "solref (contacts)", "how fast beads come to rest"),
                 default_row(s, "string_impedance", 0.95, "solimp (links)", "how much of a link is enforced"),
-                HiddenDefault(
+                Variation(
                     "solimp (contacts)",
-                    "0.9 to 0.95",
                     f"{s.least_contact_impedance:g} to {s.contact_impedance:g} within 0.5 mm",
-                    "how much of a contact is enforced",
+                    "0.9 to 0.95",
                     {"least_contact_impedance": 0.9, "contact_impedance": 0.95},
+                    "how much of a contact is enforced",
                 ),
                 default_row(s, "cone", "pyramidal", "cone", "shape of the friction cone"),
                 default_row(s, "friction_to_normal_impedance", 1.0, "impratio", "how much harder friction is than contact"),

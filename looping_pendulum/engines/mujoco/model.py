@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from looping_pendulum.engines.studies import HiddenDefault, Ladder, default_row
+from looping_pendulum.engines.studies import Ladder, Variation, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
 
@@ -44,29 +44,27 @@ def softness_rungs(setting: str, time_step: float) -> Ladder:
     return Ladder(setting, "s", [n * time_step for n in (20.0, 10.0, 5.0, 2.0)])
 
 
-def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> HiddenDefault:
+def time_constant_default(settings: Any, setting: str, name: str, effect: str) -> Variation:
     """Return MuJoCo's default time constant for one kind of constraint as a hidden default."""
     return default_row(settings, setting, DEFAULT_TIME_CONSTANT, name, effect, unit="s")
 
 
-def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[HiddenDefault, ...]:
+def solver_defaults(settings: Any, **with_long_step: Any) -> tuple[Variation, ...]:
     """Return MuJoCo's defaults of step, integrator and solver.
 
     ``with_long_step`` are settings that must change together with the longer default step.
     """
     s = settings
     return (
-        HiddenDefault(
+        Variation(
             "timestep",
-            "2 ms (run at 1 ms, where samples fall)",
             quantity(s.time_step, "s", 3),
-            "length of a step",
+            "2 ms (run at 1 ms, where samples fall)",
             {"time_step": SAMPLE_INTERVAL} | with_long_step,
+            "length of a step",
         ),
         default_row(s, "integrator", "Euler", "integrator", "how a step is taken"),
         default_row(s, "jacobian", "auto", "jacobian", "sparse or dense algebra: dense below 60 degrees of freedom"),
         default_row(s, "solver_iterations", 100, "iterations", "of the solver, at most"),
-        HiddenDefault(
-            "tolerance", "1e-8", f"{s.solver_tolerance:g}", "where the solver stops early", {"solver_tolerance": 1e-8}
-        ),
+        default_row(s, "solver_tolerance", 1e-8, "tolerance", "where the solver stops early"),
     )

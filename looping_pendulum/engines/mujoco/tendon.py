@@ -28,7 +28,7 @@ from looping_pendulum.engines.mujoco.model import (
 )
 from looping_pendulum.engines.protocol import FORCES_AND_RELEASE, Abilities, Profile, SteppedEngine, steps_per_sample
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies
+from looping_pendulum.engines.studies import Ladder, Studies, Variation
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode import effects
 from looping_pendulum.reference_ode.cartesian import cartesian_force, kinematics, masses_at_release
@@ -161,48 +161,6 @@ def _beside_rod(parameters: Parameters, degrees: float) -> str:
     return f"{distance * math.cos(angle)!r} 0 {distance * math.sin(angle)!r}"
 
 
-class AlternatingTendons:
-    """Activates the two tendons of `model_xml` in turn, so that a string without memory of its turns can wind without end.
-
-    Parameters
-    ----------
-    parameters, settings
-        Physics and numerics.
-    model
-        MuJoCo's model; tendon 0 is for even numbers of half turns, tendon 1 for odd ones.
-    """
-
-    def __init__(self, parameters: Parameters, settings: TendonSettings, model: Any) -> None:
-        self._limit_enabled, self._length_range = model.tendon_limited, model.tendon_range
-        self._string_per_turn = 2 * math.pi * parameters.rod_radius
-        self._string_length = parameters.string_length
-        self._switch_up, self._switch_down = settings.switch_up, settings.switch_down
-        self._half_turns = 0
-        self._activate()
-
-    def select(self, wrap_angle: float) -> None:
-        """Activate the tendon that is right for ``wrap_angle`` [rad], with the wound turns subtracted from its length limit."""
-        above = wrap_angle - self._half_turns * math.pi
-        if above > self._switch_up:
-            self._half_turns += 1
-        elif above < self._switch_down and self._half_turns > 0:
-            self._half_turns -= 1
-        else:
-            return
-        self._activate()
-
-    def allow_extra_length(self, extra: float) -> None:
-        """Set the string's length limit to ``extra`` [m] more than its rest length."""
-        self._length_range[self.tendon, 1] = self.rest_length + extra
-
-    def _activate(self) -> None:
-        """Enable the length limit of the current tendon, and disable that of the other."""
-        self.tendon = self._half_turns % 2
-        self.rest_length = self._string_length - (self._half_turns // 2) * self._string_per_turn
-        self._limit_enabled[self.tendon] = 1
-        self._limit_enabled[1 - self.tendon] = 0
-
-
 SAMPLES = 2000
 """Number of samples of the reference's run."""
 ZERO_FRICTION_RATIO = 1e-12
@@ -288,12 +246,14 @@ class TendonRig:
         softness = settings.impedance * settings.string_time_constant
         self._corrections = settings.corrections
         self._turning_shift = softness * softness * (1 - self._dt / softness)
-        self._friction_bound = self._model.dof_frictionloss
+        self._friction_bound, self._length_ranges = self._model.dof_frictionloss, self._model.tendon_range
         self._has_capstan = capstan and self._has_string and not self._held
         if self._has_capstan:
             self._friction_bound[HEAVY_DOF] = NO_FRICTION
         self._has_friction = self._has_capstan or friction_loss > 0
-        self._tendons = AlternatingTendons(p, settings, self._model) if self._has_string else None
+        self._switch_up, self._switch_down, self._half_turns = settings.switch_up, settings.switch_down, 0
+        if self._has_string:
+            self._use_tendon()
         self._was_slack, self._catch_stretch = False, 0.0
         self._catch_decay = math.exp(-settings.time_step / settings.catch_time)
         # The accelerations at release, and the velocities half a step before it
@@ -337,13 +297,13 @@ class TendonRig:
         """Set the string's length limit, the applied forces and the friction bound for the coming step."""
         vx, vy, heavy_v = self._velocities()
         k = kinematics(self._data.time, self._free_length, self._wrap_angle, vx, vy, heavy_v)
-        if self._tendons is not None:
-            self._tendons.select(self._wrap_angle)
+        if self._has_string:
+            self._select_tendon()
             correction = 0.0
             if self._corrections:
                 turning = self._turning_shift * k.across_speed * k.across_speed / self._free_length
                 correction = self._decayed_catch_stretch() - turning
-            self._tendons.allow_extra_length(correction - TAUT_MARGIN)
+            self._length_ranges[self._tendon, 1] = self._rest_length + (correction - TAUT_MARGIN)
         force_on_heavy_mass = 0.0
         if self._force is not None:
             x, y = self._qpos[:2].tolist()
@@ -352,6 +312,24 @@ class TendonRig:
                 self._applied[HEAVY_DOF] = force_on_heavy_mass
         if self._has_capstan:
             self._applied[HEAVY_DOF] = force_on_heavy_mass + self._bound_friction(k)
+
+    def _select_tendon(self) -> None:
+        """Switch to the tendon that is right for the wrap angle, if it is the other one."""
+        above = self._wrap_angle - self._half_turns * math.pi
+        if above > self._switch_up:
+            self._half_turns += 1
+        elif above < self._switch_down and self._half_turns > 0:
+            self._half_turns -= 1
+        else:
+            return
+        self._use_tendon()
+
+    def _use_tendon(self) -> None:
+        """Enable the length limit of the tendon for the present half turns, less the turns that are wound, and only that."""
+        p, self._tendon = self._parameters, self._half_turns % 2
+        self._rest_length = p.string_length - (self._half_turns // 2) * (2 * math.pi * p.rod_radius)
+        self._model.tendon_limited[self._tendon] = 1
+        self._model.tendon_limited[1 - self._tendon] = 0
 
     def _decayed_catch_stretch(self) -> float:
         """Return the excess length that the string may still have because it became taut within a step [m]; it decays.
@@ -372,10 +350,9 @@ class TendonRig:
 
     def _stretch(self) -> float:
         """Return how much longer than its rest length the string is [m]."""
-        assert self._tendons is not None
         # mj_step leaves the tendon lengths of the step's start in its data
         self._mujoco.mj_fwdPosition(self._model, self._data)
-        return float(self._data.ten_length[self._tendons.tendon]) - self._tendons.rest_length
+        return float(self._data.ten_length[self._tendon]) - self._rest_length
 
     def _bound_friction(self, k: Kinematics) -> float:
         """Set the friction loss of the heavy mass's slide to the friction bound of the string laws, for the coming step.
@@ -573,44 +550,42 @@ class MujocoTendon(SteppedEngine):
         if self.variant == "defaults":  # it has nothing but defaults
             return Studies(ladders=(_step_rungs(()), *softness))
         mean = FrictionSize.EQUAL_WORK
-        size = AdapterChoice("size of the constant friction", s.friction_size, mean, {"friction_size": mean})
-        friction = time_constant_default(
-            s, "friction_time_constant", "solreffriction", "how fast string that is held comes to rest"
-        )
+        size = Variation("size of the constant friction", s.friction_size, mean, {"friction_size": mean})
+        friction = time_constant_default(s, "friction_time_constant", "solreffriction", "how fast held string comes to rest")
         return Studies(
             ladders=(_step_rungs(constants), *softness),
             defaults=(
                 time_constant_default(s, "string_time_constant", "solref", "how fast a stretched string returns to its length"),
-                HiddenDefault(
+                Variation(
                     "solimp",
-                    "0.9 to 0.95 within 1 mm",
                     f"{s.least_impedance:g} to {s.impedance:g}",
-                    "share of a constraint that is enforced; the rest gives way",
+                    "0.9 to 0.95 within 1 mm",
                     {"least_impedance": 0.9, "impedance": 0.95},
+                    "share of a constraint that is enforced; the rest gives way",
                 ),
                 *solver_defaults(s),
                 *((friction,) if with_friction else ()),
             ),
             choices=(
-                AdapterChoice(
+                Variation(
                     "wrap angle at which the next tendon takes over",
                     f"{math.degrees(s.switch_up):.0f} deg above k pi",
                     "225 deg above k pi",
                     {"switch_up": math.radians(225)},
                 ),
-                AdapterChoice(
+                Variation(
                     "wrap angle at which the last tendon takes over",
                     f"{math.degrees(s.switch_down):.0f} deg above k pi",
                     "5 deg above k pi",
                     {"switch_down": math.radians(5)},
                 ),
-                AdapterChoice(
+                Variation(
                     "time in which a late catch is taken back",
                     quantity(s.catch_time, "s", 3),
                     quantity(5 * s.catch_time, "s", 3),
                     {"catch_time": 5 * s.catch_time},
                 ),
-                AdapterChoice(
+                Variation(
                     "what MuJoCo leaves out (l omega^2 in the string's acceleration, half a step of velocity)",
                     "made up for",
                     "left out",

@@ -14,7 +14,7 @@ import numpy as np
 from looping_pendulum.engines.chain import NO_STOP, ONE_COEFFICIENT, point_on_string
 from looping_pendulum.engines.protocol import Engine, Profile, StepGroups, SteppedEngine
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector, cartesian_force, masses_at_release
@@ -28,8 +28,6 @@ from looping_pendulum.versions import installed_version
 class NewtonTendonSettings(StepGroups):
     """Numerical settings of Newton's tendon, in SI units."""
 
-    time_step: float
-    """Length of a step [s]; it must divide the sample interval."""
     compliance: float
     """Stretch of each straight part of the string per tension [m/N].
 
@@ -260,20 +258,8 @@ class NewtonTendon(SteppedEngine):
                 Ladder("compliance", "m/N", (1e-3, 1e-4, 5e-5, 1e-5, 1e-6)),
             ),
             defaults=(
-                HiddenDefault(
-                    "compliance",
-                    "0: the string cannot stretch",
-                    quantity(s.compliance, "m/N", 3),
-                    "the stretch from which the friction reads the tensions",
-                    {"compliance": 0.0},
-                ),
-                HiddenDefault(
-                    "length unit",
-                    "none; metres are usual",
-                    quantity(s.length_unit, "m", 3),
-                    "a mass that is slower than 1e-4 units per second is stopped, at every step",
-                    {"length_unit": 1.0},
-                ),
+                default_row(s, "compliance", 0.0, "compliance", "the stretch from which friction reads the tensions", "m/N"),
+                default_row(s, "length_unit", 1.0, "length unit", "a mass slower than 1e-4 units per second is stopped", "m"),
                 default_row(s, "iterations", 2, "iterations", "corrections of the string's length per step"),
                 default_row(
                     s,
@@ -284,10 +270,10 @@ class NewtonTendon(SteppedEngine):
                 ),
             ),
             choices=(
-                AdapterChoice("damping", quantity(s.damping, "N s/m", 3), "none", {"damping": 0.0}),
-                AdapterChoice("length unit", quantity(s.length_unit, "m", 3), "1 cm", {"length_unit": 1e-2}),
-                AdapterChoice("tolerance of the friction", f"{s.settle_tolerance:g}", "1e-05", {"settle_tolerance": 1e-5}),
-                AdapterChoice("steps between two updates of drag", f"{s.steps_per_group}", "2", {"steps_per_group": 2}),
+                Variation("damping", quantity(s.damping, "N s/m", 3), "none", {"damping": 0.0}),
+                Variation("length unit", quantity(s.length_unit, "m", 3), "1 cm", {"length_unit": 1e-2}),
+                Variation("tolerance of the friction", f"{s.settle_tolerance:g}", "1e-05", {"settle_tolerance": 1e-5}),
+                Variation("steps between two updates of drag", f"{s.steps_per_group}", "2", {"steps_per_group": 2}),
             ),
         )
 

@@ -13,10 +13,10 @@ Links that have left the rod are joined, which keeps the chain's momentum.
 from __future__ import annotations
 
 import math
-import os
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,14 +39,13 @@ from looping_pendulum.engines.pybullet.world import (
     FallingRig,
     LongestStep,
     PybulletChainSettings,
+    PybulletRig,
     Row,
-    SteppedRig,
-    World,
     contact_friction,
     typical_wrap_angle,
 )
 from looping_pendulum.engines.shipped import shipped_abilities
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.errors import EngineError
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector, masses_at_release
@@ -346,23 +345,24 @@ HALT_DELAY = 0.1
 """How much later than in the reference's run the heavy mass may halt while the step still allows for its fall [s]."""
 
 
-class PybulletChainRig(SteppedRig):
+ROD_LENGTH = 0.02
+"""Length of a rod that is a cylinder [m]."""
+
+
+class PybulletChainRig(PybulletRig):
     """The apparatus with a string of links in one multibody, which another one replaces when links are joined or split."""
 
     def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
         p, s = parameters, settings
         chain = chain_at_release(p, s)
-        world = World(p, s)
-        super().__init__(p, world, longest_step(p, s, chain) if s.divided_step else None)
-        self._settings = s
-        self._rod_radius = float(chain.node_circles.min()) - s.node_radius
-        # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
-        world.add_rod(self._rod_radius, 1.0)
-        self._node_radii = chain.node_circles - self._rod_radius
+        super().__init__(p, s, longest_step(p, s, chain) if s.divided_step else None)
+        rod_radius = float(chain.node_circles.min()) - s.node_radius
+        self._add_rod(rod_radius)
+        self._node_radii = chain.node_circles - rod_radius
         wrap_angle, law = typical_wrap_angle(p), p.coefficients["kinetic_friction"]
         self._friction = [
             # Friction acts where a node touches the rod, tension at the node: their lever arms differ by the node's radius.
-            (contact_friction(law, bend, wrap_angle) if s.polygon else law) * circle / self._rod_radius
+            (contact_friction(law, bend, wrap_angle) if s.polygon else law) * circle / rod_radius
             for bend, circle in zip(chain.bends.tolist(), chain.node_circles.tolist(), strict=True)
         ]
         self._arc = np.concatenate([[0.0], np.cumsum(chain.lengths)])
@@ -391,7 +391,7 @@ class PybulletChainRig(SteppedRig):
             masses = body_masses(self._parameters, self._settings, updated.lengths, self._last_length)
             updated = with_rigid_links(updated, masses, held=self._held)
         # PyBullet cannot add a link to a multibody, so another one takes its place
-        self._world.api.removeBody(self._body, physicsClientId=self._world.client)
+        self._server.removeBody(self._body)
         self._create_multibody(updated)
 
     def read(self) -> Row:
@@ -400,7 +400,7 @@ class PybulletChainRig(SteppedRig):
         heavy_y = -self._parameters.hanging_length if self._held else float(self._heavy_position[1])
         nodes = range(0 if self._held else 1, self._ends[0] + 1)  # the first link is the heavy mass's, unless it is held
         # Positions as PyBullet computed them for `read_motion`, a moment before
-        rows = self._world.api.getLinkStates(self._body, nodes, physicsClientId=self._world.client)
+        rows = self._server.getLinkStates(self._body, nodes)
         positions = [*(row[0][:2] for row in reversed(rows)), (self._parameters.rod_radius, heavy_y)]
         # Links are rigid, so the nodes' distances are their rest lengths
         slip = hanging_rest_length(positions, list(map(math.dist, positions[:-1], positions[1:])))
@@ -408,9 +408,7 @@ class PybulletChainRig(SteppedRig):
 
     def _chain(self) -> ChainState:
         """Return positions and velocities of the masses and nodes."""
-        api, client = self._world.api, self._world.client
-        joints = range(self._ends[0] + 1)
-        rows = api.getLinkStates(self._body, joints, 1, 1, physicsClientId=client)
+        rows = self._server.getLinkStates(self._body, range(self._ends[0] + 1), 1, 1)
         positions, velocities = np.array([row[0][:2] for row in rows]), np.array([row[6][:2] for row in rows])
         if self._held:
             p = self._parameters
@@ -423,33 +421,33 @@ class PybulletChainRig(SteppedRig):
     def read_motion(self) -> tuple[float, float, float, float, float]:
         """Return the light mass's position [m] and velocity [m/s] and the heavy mass's upward velocity [m/s]."""
         # 1, 1: with velocities, and positions computed anew; PyBullet otherwise gives those of the step before
-        light, heavy = self._world.api.getLinkStates(self._body, self._ends, 1, 1, physicsClientId=self._world.client)
+        light, heavy = self._server.getLinkStates(self._body, self._ends, 1, 1)
         self._light_position, self._heavy_position = light[0], heavy[0]
         (x, y, _), (vx, vy, _) = light[0], light[6]
         return x, y, vx, vy, 0.0 if self._held else heavy[6][1]
 
     def apply_forces(self, light: Vector, heavy: float) -> None:
         """Apply forces [N] to the light mass, and upward to the heavy one, at the positions that `read_motion` last read."""
-        self._world.apply_force(self._body, self._ends[0], light, self._light_position)
+        self._apply_force(self._body, self._ends[0], light, self._light_position)
         if not self._held:
-            self._world.apply_force(self._body, 0, (0.0, heavy), self._heavy_position)
+            self._apply_force(self._body, 0, (0.0, heavy), self._heavy_position)
 
     def _create_multibody(self, chain: ChainState) -> None:
         """Create the multibody of the nodes that exist, which are where ``chain`` says."""
-        p, s, world = self._parameters, self._settings, self._world
+        p, s = self._parameters, self._settings
         inner = [i - 1 for i in self._joining.nodes[1:-1]]
         masses = body_masses(p, s, chain.lengths, self._last_length)
-        self._body = _load(world, chain_urdf(p, s, chain, masses, self._node_radii[inner]))
+        self._body = self._load(chain_urdf(p, s, chain, masses, self._node_radii[inner]))
         links = len(chain.lengths)
         joints = links + (not self._held)
-        joint_count = world.api.getNumJoints(self._body, physicsClientId=world.client)
+        joint_count = self._server.getNumJoints(self._body)
         # PyBullet drops joints beyond its limit without an error
         if joint_count != joints:
             raise EngineError(f"pybullet:chain: {joints} joints were given, PyBullet took {joint_count}")
         self._ends = (joints - 1, 0)
         self._free_joints(joints)
         for joint, i in enumerate(inner, start=joints - links):
-            world.set_friction(self._body, joint, self._friction[i])
+            self._set_friction(self._body, joint, self._friction[i])
         if chain.velocities.any():
             self._set_joint_rates(chain)
 
@@ -461,29 +459,65 @@ class PybulletChainRig(SteppedRig):
         EngineError
             If PyBullet still damps a joint.
         """
-        world, body = self._world, self._body
-        world.remove_damping(body)
+        server, body = self._server, self._body
+        self._remove_damping(body)
         if not self._settings.joint_motors:
             # A velocity motor without force is none
-            world.api.setJointMotorControlArray(
-                body, range(joints), world.api.VELOCITY_CONTROL, forces=[0.0] * joints, physicsClientId=world.client
-            )
-        damping = world.api.getJointInfo(body, joints - 1, physicsClientId=world.client)[6]
+            server.setJointMotorControlArray(body, range(joints), server.VELOCITY_CONTROL, forces=[0.0] * joints)
+        damping = server.getJointInfo(body, joints - 1)[6]
         if damping != 0:
             raise EngineError(f"pybullet: joint {joints - 1} has a damping of {damping:g}")
 
     def _set_joint_rates(self, chain: ChainState) -> None:
         """Set the rates of the joints so that the links move as in ``chain``."""
-        world, rates, first = self._world, chain.turn_rates, 0
+        rates, first = chain.turn_rates, 0
         if not self._held:
             # The heavy mass cannot swing: the first link turns so that its node keeps its velocity, and the slide gives.
             first = 1
             x, y = chain.positions[1] - chain.positions[0]
             vx, vy = chain.velocities[1]
             rates[0] = -vx / y
-            world.api.resetJointState(self._body, 0, 0.0, float(vy - rates[0] * x), physicsClientId=world.client)
+            self._server.resetJointState(self._body, 0, 0.0, float(vy - rates[0] * x))
         for joint, rate in enumerate(np.diff(rates, prepend=0.0).tolist(), start=first):
-            world.api.resetJointState(self._body, joint, 0.0, rate, physicsClientId=world.client)
+            self._server.resetJointState(self._body, joint, 0.0, rate)
+
+    def _add_rod(self, radius: float) -> None:
+        """Create the rod, of ``radius`` [m]."""
+        server = self._server
+        if self._settings.rod == "sphere":
+            shape = server.createCollisionShape(server.GEOM_SPHERE, radius=radius)
+        else:
+            shape = server.createCollisionShape(server.GEOM_CYLINDER, radius=radius, height=ROD_LENGTH)
+        # PyBullet multiplies both coefficients: with 1 here, each node carries that of its contact
+        self._set_friction(server.createMultiBody(0, shape, -1, [0, 0, 0]), -1, 1.0)
+
+    def _set_friction(self, body: int, link: int, friction: float) -> None:
+        """Set the contact friction coefficient of a link.
+
+        Raises
+        ------
+        EngineError
+            If PyBullet reports another coefficient afterwards.
+        """
+        server = self._server
+        if self._settings.friction_with_damping and link >= 0:
+            # PyBullet ignores a friction that comes together with a damping
+            server.changeDynamics(body, link, lateralFriction=friction, linearDamping=0, angularDamping=0)
+            return
+        server.changeDynamics(body, link, lateralFriction=friction, rollingFriction=0, spinningFriction=0, restitution=0)
+        actual = server.getDynamicsInfo(body, link)[1]
+        if not math.isclose(actual, friction, rel_tol=1e-9, abs_tol=1e-15):
+            raise EngineError(f"pybullet: asked for a friction of {friction:g} on link {link}, PyBullet took {actual:g}")
+
+    def _load(self, urdf: str) -> int:
+        """Load a body on a fixed base, from a temporary file, as PyBullet reads URDF from files only."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "string.urdf")
+            path.write_text(urdf)
+            # Without the flag PyBullet computes the inertias from the collision shapes
+            flags = self._server.URDF_USE_INERTIA_FROM_FILE
+            body: int = self._server.loadURDF(str(path), useFixedBase=1, flags=flags)
+        return body
 
 
 def longest_step(parameters: Parameters, settings: PybulletChainSettings, chain: ReleasedChain) -> LongestStep:
@@ -524,21 +558,6 @@ def largest_rod_friction(parameters: Parameters) -> tuple[float, float]:
     until = run.end_time if run.halting_time is None else run.halting_time
     light, heavy = run.sample(np.linspace(0.0, until, REFERENCE_SAMPLES)).tensions
     return float(np.nanmax(heavy - light)), math.inf if run.halting_time is None else run.halting_time
-
-
-def _load(world: World, urdf: str) -> int:
-    """Load a body on a fixed base, from a temporary file, as PyBullet reads URDF from files only."""
-    handle, path = tempfile.mkstemp(suffix=".urdf")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(urdf)
-        # Without the flag PyBullet computes the inertias from the collision shapes
-        body: int = world.api.loadURDF(
-            path, useFixedBase=1, flags=world.api.URDF_USE_INERTIA_FROM_FILE, physicsClientId=world.client
-        )
-    finally:
-        os.remove(path)
-    return body
 
 
 SETTINGS = {
@@ -698,28 +717,16 @@ class PybulletChain(SteppedEngine):
         lengths = sorted({6e-3, 5.5e-3, 5e-3, 4.5e-3, s.link_length}, reverse=True)
         links = [{"link_length": h, "outer_link_length": outer * h} for h in lengths]
         defaults = (
-            HiddenDefault(
+            Variation(
                 "fixedTimeStep",
-                "1/240 s (run at 1 ms, where samples fall)",
                 quantity(s.time_step, "s", 3),
-                "length of a step",
+                "1/240 s (run at 1 ms, where samples fall)",
                 {"time_step": LARGEST_STEP},
+                "length of a step",
             ),
             default_row(s, "solver_iterations", DEFAULT_ITERATIONS, "numSolverIterations", "sweeps of the solver"),
-            HiddenDefault(
-                "linearDamping",
-                f"{DEFAULT_DAMPING:g} /s",
-                f"{s.linear_damping:g}",
-                "share of a velocity lost per second",
-                {"linear_damping": DEFAULT_DAMPING},
-            ),
-            HiddenDefault(
-                "angularDamping",
-                f"{DEFAULT_DAMPING:g} /s",
-                f"{s.angular_damping:g}",
-                "share of an angular velocity lost per second",
-                {"angular_damping": DEFAULT_DAMPING},
-            ),
+            default_row(s, "linear_damping", DEFAULT_DAMPING, "linearDamping", "share of a velocity lost per second", "/s"),
+            default_row(s, "angular_damping", DEFAULT_DAMPING, "angularDamping", "share of a turn rate lost per second", "/s"),
             default_row(
                 s,
                 "neighbour_margin",
@@ -728,54 +735,40 @@ class PybulletChain(SteppedEngine):
                 "how large the boxes are that find neighbours; the sweep's order with them",
                 unit="m",
             ),
-            HiddenDefault(
-                "rod",
-                "GEOM_CYLINDER, the obvious shape",
-                "GEOM_SPHERE",
-                "which collision algorithm finds the contacts",
-                {"rod": "cylinder"},
-            ),
-            HiddenDefault(
-                "maxJointVelocity",
-                f"{DEFAULT_SPEED_LIMIT:g} m/s or rad/s",
-                f"{s.speed_limit:g}",
-                "clamp of every joint's speed",
-                {"speed_limit": DEFAULT_SPEED_LIMIT},
-            ),
-            HiddenDefault(
-                "joint motors", "on, holding every joint at rest", "off", "friction in every hinge", {"joint_motors": True}
-            ),
-            HiddenDefault(
+            default_row(s, "rod", "cylinder", "rod", "which collision algorithm finds the contacts"),
+            default_row(s, "speed_limit", DEFAULT_SPEED_LIMIT, "maxJointVelocity", "clamp of every joint's speed"),
+            default_row(s, "joint_motors", True, "joint motors", "friction in every hinge"),
+            default_row(
+                s,
+                "friction_with_damping",
+                True,
                 "friction given together with damping",
-                "ignored: 0.5 stays",
-                "given apart",
-                "the contact coefficient",
-                {"friction_with_damping": True},
+                "the contact's coefficient, which PyBullet then ignores: 0.5 stays",
             ),
         )
         choices = (
-            AdapterChoice("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
-            AdapterChoice("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
-            AdapterChoice("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
-            AdapterChoice(
+            Variation("radius and coefficient", "corrected for the corners", "the circle's own", {"polygon": False}),
+            Variation("node radius", quantity(s.node_radius, "m", 3), "1 mm", {"node_radius": 1e-3}),
+            Variation("steps between two updates of the forces", f"{s.force_interval}", "1", {"force_interval": 1}),
+            Variation(
                 "share of a penetration taken back in a step",
                 f"{s.contact_error_reduction:g}",
                 "0.02",
                 {"contact_error_reduction": 0.02},
             ),
-            AdapterChoice(
+            Variation(
                 "links away from the rod",
                 f"joined by {s.joined_hanging_links} below the rod, by {s.joined_free_links} beyond it",
                 "separate",
                 {"joined_hanging_links": 1, "joined_free_links": 1},
             ),
-            AdapterChoice(
+            Variation(
                 "links below the rod",
                 quantity(s.hanging_link_length, "m", 3),
                 "half as long",
                 {"hanging_link_length": 7.5e-3},
             ),
-            AdapterChoice("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
+            Variation("inertia of a link", f"{s.relative_inertia:g} m h^2", "three times", {"relative_inertia": 0.03}),
         )
         return Studies(
             ladders=(

@@ -1,4 +1,4 @@
-"""PyBullet's world: a server with a rod, how it is stepped, its settings and its defaults, which suit toys on a floor."""
+"""PyBullet's server and how it is stepped, the settings, and PyBullet's defaults, which suit toys on a floor."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import math
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from looping_pendulum.engines.chain import MASS_COMPENSATION, polygon_friction
 from looping_pendulum.engines.protocol import steps_per_sample
-from looping_pendulum.errors import EngineError
 from looping_pendulum.reference_ode.cartesian import Vector, cartesian_force, masses_at_release
 from looping_pendulum.reference_ode.parameters import Parameters, Release
 
@@ -98,9 +98,6 @@ class PybulletChainSettings:
     """Whether steps are shorter where a wave on the taut chain would pass too much of a link, and longer after the halt."""
 
 
-ROD_HALF_LENGTH = 0.01
-"""Half the length of a rod that is a cylinder [m]."""
-
 MAX_DIVISION = 50
 """Largest number of parts into which a step is divided: a light mass that needs more is about to reach the rod."""
 
@@ -110,93 +107,52 @@ LongestStep = Callable[[float, float, float, float, float], float]
 """Time [s], light mass's x, y [m] and vx, vy [m/s] -> longest stable step [s]."""
 
 
-class World:
-    """A PyBullet server with gravity and the settings; it is disconnected when the rig that owns it is deleted."""
+class Server:
+    """A PyBullet server: PyBullet's functions, which act on it, and its constants. It ends when the object is deleted."""
 
-    def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
+    def __init__(self) -> None:
         import pybullet
 
-        self.api: Any = pybullet
+        self._pybullet: Any = pybullet
         self.client: int = pybullet.connect(pybullet.DIRECT)
-        # A server lives until it is disconnected, whatever becomes of the Python objects
         weakref.finalize(self, pybullet.disconnect, self.client)
-        self.settings = settings
-        self.steps = steps_per_sample(settings.time_step)
-        pybullet.setGravity(0, -parameters.coefficients["gravity"], 0, physicsClientId=self.client)
-        pybullet.setPhysicsEngineParameter(
-            fixedTimeStep=settings.time_step,
-            numSolverIterations=settings.solver_iterations,
-            contactERP=settings.contact_error_reduction,
-            contactBreakingThreshold=settings.neighbour_margin,
-            physicsClientId=self.client,
-        )
 
-    def add_rod(self, radius: float, friction: float) -> int:
-        """Create the rod, of ``radius`` [m]; PyBullet takes the product of two bodies' coefficients as the contact's."""
-        api = self.api
-        if self.settings.rod == "sphere":
-            shape = api.createCollisionShape(api.GEOM_SPHERE, radius=radius, physicsClientId=self.client)
-        else:
-            shape = api.createCollisionShape(
-                api.GEOM_CYLINDER, radius=radius, height=2 * ROD_HALF_LENGTH, physicsClientId=self.client
-            )
-        rod: int = api.createMultiBody(0, shape, -1, [0, 0, 0], physicsClientId=self.client)
-        self.set_friction(rod, -1, friction)
-        return rod
-
-    def remove_damping(self, body: int) -> None:
-        """Remove the damping and the speed limit that PyBullet gives every body; a multibody has them at its base."""
-        s = self.settings
-        self.change(body, -1, linearDamping=s.linear_damping, angularDamping=s.angular_damping)
-        self.change(body, -1, maxJointVelocity=s.speed_limit)
-
-    def set_friction(self, body: int, link: int, friction: float) -> None:
-        """Set the contact friction coefficient of a link.
-
-        Raises
-        ------
-        EngineError
-            If PyBullet reports another coefficient afterwards.
-        """
-        if self.settings.friction_with_damping and link >= 0:
-            self.change(body, link, lateralFriction=friction, linearDamping=0, angularDamping=0)
-            return
-        self.change(body, link, lateralFriction=friction, rollingFriction=0, spinningFriction=0, restitution=0)
-        actual = self.api.getDynamicsInfo(body, link, physicsClientId=self.client)[1]
-        if not math.isclose(actual, friction, rel_tol=1e-9, abs_tol=1e-15):
-            raise EngineError(f"pybullet: asked for a friction of {friction:g} on link {link}, PyBullet took {actual:g}")
-
-    def change(self, body: int, link: int, **values: object) -> None:
-        """Call PyBullet's `changeDynamics`; it ignores a friction that comes together with a damping, so use two calls."""
-        self.api.changeDynamics(body, link, physicsClientId=self.client, **values)
-
-    def apply_force(self, body: int, link: int, force: Vector, position: tuple[float, ...]) -> None:
-        """Apply ``force`` [N], in the plane of motion, at ``position`` [m] during the next step only."""
-        api = self.api
-        api.applyExternalForce(body, link, (*force, 0.0), position, api.WORLD_FRAME, physicsClientId=self.client)
+    def __getattr__(self, name: str) -> Any:
+        """Return a function or a constant of PyBullet."""
+        value = getattr(self._pybullet, name)
+        return partial(value, physicsClientId=self.client) if callable(value) else value
 
 
-class SteppedRig(abc.ABC):
-    """Steps a world with the effects' forces.
+class PybulletRig(abc.ABC):
+    """A rig in a PyBullet server of its own, stepped with the effects' forces.
 
     Parameters
     ----------
-    parameters
-        Parameters with the effects whose forces are applied.
-    world
-        World to step.
+    parameters, settings
+        Physics and numerics.
     longest_step
         Longest step [s] at a time [s] and for the light mass's position [m] and velocity [m/s]: t, x, y, vx, vy. A group of
         ``force_interval`` steps is divided into more or fewer steps by it. None: every step is as long as the settings say.
     """
 
-    def __init__(self, parameters: Parameters, world: World, longest_step: LongestStep | None = None) -> None:
-        self._parameters, self._world = parameters, world
+    def __init__(
+        self, parameters: Parameters, settings: PybulletChainSettings, longest_step: LongestStep | None = None
+    ) -> None:
+        self._server = Server()
+        self._parameters, self._settings = parameters, settings
         self._held = parameters.release is Release.HELD
         self._force = cartesian_force(parameters)
         self._longest_step = longest_step
+        self._steps_per_sample = steps_per_sample(settings.time_step)
         self._steps_done, self._left_in_group = 0, 0
-        self._step = world.settings.time_step
+        self._step = settings.time_step
+        self._server.setGravity(0, -parameters.coefficients["gravity"], 0)
+        self._server.setPhysicsEngineParameter(
+            fixedTimeStep=settings.time_step,
+            numSolverIterations=settings.solver_iterations,
+            contactERP=settings.contact_error_reduction,
+            contactBreakingThreshold=settings.neighbour_margin,
+        )
 
     def advance(self) -> None:
         """Advance by one sample interval, with the effects' forces, in steps of the settings' length or others as long in sum.
@@ -204,16 +160,15 @@ class SteppedRig(abc.ABC):
         PyBullet clears an applied force after a step, so the forces of a group are applied in its first step, as many times
         larger.
         """
-        world = self._world
-        time_step, interval, count = world.settings.time_step, world.settings.force_interval, world.steps
+        s, count = self._settings, self._steps_per_sample
         while count > 0:
             if not self._left_in_group:
                 # A group that may be divided does not reach beyond these steps, so that it is taken whole
-                self._left_in_group = interval if self._longest_step is None else min(interval, count)
+                self._left_in_group = s.force_interval if self._longest_step is None else min(s.force_interval, count)
                 self._begin_group(self._left_in_group)
             now = min(count, self._left_in_group)
-            for _ in range(round(now * time_step / self._step)):  # all of a divided group
-                world.api.stepSimulation(physicsClientId=world.client)
+            for _ in range(round(now * s.time_step / self._step)):  # all of a divided group
+                self._server.stepSimulation()
             count -= now
             self._left_in_group -= now
             self._steps_done += now
@@ -222,16 +177,16 @@ class SteppedRig(abc.ABC):
         """Set the step of the coming ``group`` of the settings' steps, and apply the effects' forces of all of them."""
         if self._force is None and self._longest_step is None:
             return
-        world, t = self._world, self._steps_done * self._world.settings.time_step
+        time_step = self._settings.time_step
+        t, duration = self._steps_done * time_step, group * time_step
         x, y, vx, vy, heavy_v = self.read_motion()
-        duration = group * world.settings.time_step
         if self._longest_step is not None:
             needed = math.ceil(duration / self._longest_step(t, x, y, vx, vy) - 1e-9)  # less what rounding adds
             count = min(needed, group * MAX_DIVISION)
-            step = world.settings.time_step if count == group else duration / count
+            step = time_step if count == group else duration / count
             if step != self._step:
                 self._step = step
-                world.api.setTimeStep(step, physicsClientId=world.client)
+                self._server.setTimeStep(step)
         if self._force is not None:
             fx, fy, heavy = self._force(t, x, y, vx, vy, heavy_v)
             share = duration / self._step
@@ -245,13 +200,23 @@ class SteppedRig(abc.ABC):
     def apply_forces(self, light: Vector, heavy: float) -> None:
         """Apply forces [N] to the light mass, and upward to the heavy one, where `read_motion` last found them."""
 
+    def _apply_force(self, body: int, link: int, force: Vector, position: Row) -> None:
+        """Apply ``force`` [N], in the plane of motion, at ``position`` [m] during the next step only."""
+        self._server.applyExternalForce(body, link, (*force, 0.0), position, self._server.WORLD_FRAME)
 
-class FallingRig(SteppedRig):
+    def _remove_damping(self, body: int) -> None:
+        """Remove the damping and the speed limit that PyBullet gives every body; a multibody has them at its base."""
+        s = self._settings
+        self._server.changeDynamics(body, -1, linearDamping=s.linear_damping, angularDamping=s.angular_damping)
+        self._server.changeDynamics(body, -1, maxJointVelocity=s.speed_limit)
+
+
+class FallingRig(PybulletRig):
     """The two masses without a string."""
 
     def __init__(self, parameters: Parameters, settings: PybulletChainSettings) -> None:
         p = parameters
-        super().__init__(p, World(p, settings))
+        super().__init__(p, settings)
         masses = masses_at_release(p)
         self._light = self._body(p.light_mass, masses.light_position, masses.light_velocity)
         self._heavy = self._body(p.heavy_mass, masses.heavy_position, masses.heavy_velocity)
@@ -268,23 +233,18 @@ class FallingRig(SteppedRig):
 
     def apply_forces(self, light: Vector, heavy: float) -> None:
         """Apply forces [N] to the light mass, and upward to the heavy one."""
-        self._world.apply_force(self._light, -1, light, self._state(self._light)[0])
-        self._world.apply_force(self._heavy, -1, (0.0, heavy), self._state(self._heavy)[0])
+        self._apply_force(self._light, -1, light, self._state(self._light)[0])
+        self._apply_force(self._heavy, -1, (0.0, heavy), self._state(self._heavy)[0])
 
     def _body(self, mass: float, position: Vector, velocity: Vector) -> int:
-        api, client = self._world.api, self._world.client
-        body: int = api.createMultiBody(mass, -1, -1, [*position, 0.0], physicsClientId=client)
-        self._world.remove_damping(body)
-        api.resetBaseVelocity(body, linearVelocity=[*velocity, 0.0], physicsClientId=client)
+        body: int = self._server.createMultiBody(mass, -1, -1, [*position, 0.0])
+        self._remove_damping(body)
+        self._server.resetBaseVelocity(body, linearVelocity=[*velocity, 0.0])
         return body
 
     def _state(self, body: int) -> tuple[Row, Row]:
         """Return position [m] and velocity [m/s] of a mass."""
-        api, client = self._world.api, self._world.client
-        return (
-            api.getBasePositionAndOrientation(body, physicsClientId=client)[0],
-            api.getBaseVelocity(body, physicsClientId=client)[0],
-        )
+        return self._server.getBasePositionAndOrientation(body)[0], self._server.getBaseVelocity(body)[0]
 
 
 MEAN_TURN_TO_HALT = math.pi / 2

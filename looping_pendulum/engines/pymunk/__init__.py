@@ -26,7 +26,7 @@ from looping_pendulum.engines.chain import (
     point_on_string,
 )
 from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import MassesAtRelease, Vector
 from looping_pendulum.reference_ode.parameters import Parameters
@@ -40,7 +40,6 @@ DEFAULT_COLLISION_SLOP = 0.1
 """Chipmunk's default penetration that contacts leave uncorrected, in units of length: here 10 cm."""
 DEFAULT_RATE = -60 * math.log(1 - 0.1)
 """Chipmunk's default rate of error correction [1/s]: a tenth of the error in every sixtieth of a second."""
-DEFAULT_RATE_TEXT = f"a tenth of it every 1/60 s ({DEFAULT_RATE:.1f} /s)"
 MAX_SLOP_IN_RADIUS = 1e-3
 """Largest penetration slop that the circle's radius makes up for [m]; Chipmunk's default slop, 10 cm, exceeds the rod."""
 
@@ -328,67 +327,45 @@ class PymunkChain(SteppedEngine):
             ladders=(
                 Ladder("time_step", "s", [s.time_step / n for n in factors]),
                 Ladder("bend", "rad", [s.bend / math.sqrt(n) for n in factors]),
-                Ladder(
-                    "bead_mass_ratio", "", masses, "the step, as the root of a bead's mass, so that the joints stay as stiff"
-                ),
+                Ladder("bead_mass_ratio", "", masses, "the step, as the root of a bead's mass: joints stay as stiff"),
                 Ladder("iterations", "", [s.iterations * n for n in factors]),
             ),
             defaults=(
-                HiddenDefault(
+                Variation(
                     "dt",
-                    "none; 1 ms is finer than its guides use",
                     quantity(s.time_step, "s", 3),
-                    "length of a step; joints soften with its square",
+                    "none; 1 ms is finer than its guides use",
                     {"time_step": DEFAULT_TIME_STEP, "steps_per_group": 1, "leak_interval": 1},
+                    "length of a step; joints soften with its square",
                 ),
+                default_row(s, "iterations", DEFAULT_ITERATIONS, "iterations", "sweeps per step; joints stiffen in proportion"),
                 default_row(
                     s,
-                    "iterations",
-                    DEFAULT_ITERATIONS,
-                    "iterations",
-                    "sweeps of the solver per step; joints stiffen in proportion",
-                ),
-                HiddenDefault(
+                    "contact_slop",
+                    DEFAULT_COLLISION_SLOP,
                     "collision_slop",
-                    "0.1 units of length: 10 cm",
-                    quantity(s.contact_slop, "m", 3),
-                    "how deep shapes may rest in one another; the adapter allows for it up to 1 mm",
-                    {"contact_slop": DEFAULT_COLLISION_SLOP},
+                    "how deep shapes may rest in one another; allowed for up to 1 mm",
+                    "m",
                 ),
-                HiddenDefault(
-                    "collision_bias",
-                    DEFAULT_RATE_TEXT,
-                    f"{s.contact_rate:g} /s",
-                    "how fast a bead too deep in the circle comes out",
-                    {"contact_rate": DEFAULT_RATE},
-                ),
-                HiddenDefault(
-                    "error_bias",
-                    DEFAULT_RATE_TEXT,
-                    f"{s.error_rate:g} /s",
-                    "how fast a stretched joint returns to its length",
-                    {"error_rate": DEFAULT_RATE},
-                ),
-                HiddenDefault(
+                default_row(s, "contact_rate", DEFAULT_RATE, "collision_bias", "how fast a bead too deep comes out", "/s"),
+                default_row(s, "error_rate", DEFAULT_RATE, "error_bias", "how fast a stretched joint returns", "/s"),
+                default_row(
+                    s,
+                    "impulse_leak",
+                    0.0,
                     "warm start",
-                    "each joint starts from its last impulse",
-                    f"a share of {s.impulse_leak:g} /s of it is forgotten",
-                    "what damps the spring that the joints act as",
-                    {"impulse_leak": 0.0},
+                    "share of its last impulse that a joint forgets per second, which damps the spring that it acts as",
+                    "/s",
                 ),
             ),
             choices=(
-                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
-                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": s.bead_mass_ratio * 2}),
+                Variation("bead mass", f"{s.bead_mass_ratio:g} M1", "half", {"bead_mass_ratio": s.bead_mass_ratio / 2}),
+                Variation("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": s.bead_mass_ratio * 2}),
                 *CORNER_CHOICES,
-                AdapterChoice("bead radius", f"{1e3 * s.bead_radius:g} mm", "half", {"bead_radius": s.bead_radius / 2}),
-                AdapterChoice(
-                    "forces and beads updated", f"every {s.steps_per_group} steps", "every 10", {"steps_per_group": 10}
-                ),
-                AdapterChoice(
-                    "leak of the warm start", f"{s.impulse_leak:g} /s", "double", {"impulse_leak": 2 * s.impulse_leak}
-                ),
-                AdapterChoice("leak of the warm start", f"every {s.leak_interval} steps", "every step", {"leak_interval": 1}),
+                Variation("bead radius", f"{1e3 * s.bead_radius:g} mm", "half", {"bead_radius": s.bead_radius / 2}),
+                Variation("forces and beads updated", f"every {s.steps_per_group} steps", "every 10", {"steps_per_group": 10}),
+                Variation("leak of the warm start", f"{s.impulse_leak:g} /s", "double", {"impulse_leak": 2 * s.impulse_leak}),
+                Variation("leak of the warm start", f"every {s.leak_interval} steps", "every step", {"leak_interval": 1}),
             ),
         )
 

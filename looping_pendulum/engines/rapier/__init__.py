@@ -21,7 +21,7 @@ from looping_pendulum.engines.chain import (
     bend_rungs,
 )
 from looping_pendulum.engines.protocol import Engine, Profile, SteppedEngine
-from looping_pendulum.engines.studies import AdapterChoice, HiddenDefault, Ladder, Studies, default_row
+from looping_pendulum.engines.studies import Ladder, Studies, Variation, default_row
 from looping_pendulum.pages.numbers import quantity
 from looping_pendulum.reference_ode.cartesian import Vector
 from looping_pendulum.runs.trajectory import SAMPLE_INTERVAL
@@ -183,12 +183,12 @@ class RapierChain(SteppedEngine):
                 Ladder("bead_mass_ratio", "", (4e-4, 2e-4, 1e-4, 5e-5)),
             ),
             defaults=(
-                HiddenDefault(
+                Variation(
                     "dt",
-                    "1/60 s; 1 ms, the sample interval, is as long as a step may be here",
                     quantity(s.time_step, "s", 3),
-                    "length of a step, during which a contact keeps its direction",
+                    "1/60 s; 1 ms, the sample interval, is as long as a step may be here",
                     {"time_step": SAMPLE_INTERVAL, "steps_per_group": 1},
+                    "length of a step, during which a contact keeps its direction",
                 ),
                 default_row(
                     s,
@@ -198,13 +198,7 @@ class RapierChain(SteppedEngine):
                     "how often joints and contacts are solved in a sub-step; joints begin each time without a force",
                 ),
                 default_row(s, "sub_steps", 4, "num_solver_iterations", "number of sub-steps in a step"),
-                HiddenDefault(
-                    "static_contact_softness",
-                    "60 Hz",
-                    f"{1e-6 * s.contact_hertz:g} MHz, as for joints",
-                    "how stiff contacts with fixed bodies are",
-                    {"contact_hertz": 60.0},
-                ),
+                default_row(s, "contact_hertz", 60.0, "static_contact_softness", "how stiff contacts with the rod are", "Hz"),
                 default_row(
                     s,
                     "friction_in_bias_pass",
@@ -219,15 +213,13 @@ class RapierChain(SteppedEngine):
                     "contact_recycling",
                     "a contact keeps its direction until its bodies have moved by 0.05 length units",
                 ),
-                default_row(
-                    s, "sleeping", True, "can_sleep", "bodies below 0.05 length units per second are stopped after 0.5 s"
-                ),
+                default_row(s, "sleeping", True, "can_sleep", "bodies slower than 0.05 units per second stop after 0.5 s"),
             ),
             choices=(
-                AdapterChoice("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
-                AdapterChoice("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
+                Variation("bead mass", f"{s.bead_mass_ratio:g} M1", "double", {"bead_mass_ratio": 2 * s.bead_mass_ratio}),
+                Variation("plane of motion", "kept, as nothing pushes out of it", "axis z locked", {"locked_plane": True}),
                 *bead_choices(s),
-                AdapterChoice("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
+                Variation("contact frequency", f"{1e-6 * s.contact_hertz:g} MHz", "10 kHz", {"contact_hertz": 1e4}),
             ),
         )
 

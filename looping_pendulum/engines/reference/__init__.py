@@ -27,6 +27,7 @@ from looping_pendulum.runs.trajectory import (
     Trajectory,
     TrajectoryEvent,
     from_samples,
+    sample_times,
 )
 from looping_pendulum.scenarios.scenario import Scenario
 from looping_pendulum.versions import installed_version
@@ -79,10 +80,9 @@ class ReferenceEngine:
         # Loads the model, which belongs to the building of an engine and not to its run
         solve_at(scenario.parameters, np.zeros(0), duration=SAMPLE_INTERVAL)
         started, cpu_started = time.perf_counter(), time.process_time()
-        times = np.arange(round(scenario.duration / SAMPLE_INTERVAL) + 1, dtype=np.float64) * SAMPLE_INTERVAL
         samples = solve_at(
             scenario.parameters,
-            times,
+            sample_times(scenario.duration),
             duration=default_duration(scenario),
             tolerance=self.settings.tolerance,
         )
