@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from looping_pendulum.measured.measurement import SampleFunction
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.solve import solve_at
 from looping_pendulum.scenarios.scenario import Scenario
@@ -57,8 +56,3 @@ def distances(trajectory, parameters):
     """Return the distance of the light mass from the reference's at every sample that both have [m]."""
     exact = solve_at(parameters, trajectory.t, duration=trajectory.t[-1] + 0.01)
     return np.linalg.norm(trajectory.light_position[: len(exact.t)] - exact.light_position, axis=1)
-
-
-def sampler(parameters: Parameters) -> SampleFunction:
-    """Return the reference run of ``parameters`` as a function of time."""
-    return lambda t: solve_at(parameters, t, duration=float(t[-1]) + 1e-3)

@@ -195,27 +195,19 @@ def read_marks(files: list[str] | None, settings: list[str] | None) -> MeasuredT
 TrackFilms = Annotated[
     bool, typer.Option("--track", help="Track films that have no points, or were tracked with other values.")
 ]
-KeepPoints = Annotated[bool, typer.Option("--keep", help="Take the points beside the films, whatever they were tracked with.")]
 
 
-def settle_films(study: Study, *, track: bool, keep: bool) -> None:
-    """Track a study's films, or take the points beside them all the same, as far as one of both is needed and asked for."""
+def settle_films(study: Study, *, track: bool) -> None:
+    """Track a study's films as far as it is needed and asked for."""
     from looping_pendulum.measured.film import is_film
     from looping_pendulum.measured.film_points import settle_film
     from looping_pendulum.measured.study import stated_of_film
 
-    refuse_both(track=track, keep=keep)
     for trial in study.trials:
         stated = stated_of_film(trial, study.estimate("rod_radius", trial))
         for film in (study.folder / path for path, _ in trial.files if is_film(path)):
             with ProgressBars() as bars:
-                settle_film(film, stated, track=track, keep=keep, progress=bars.update)
-
-
-def refuse_both(*, track: bool, keep: bool) -> None:
-    """Refuse --track beside --keep."""
-    if track and keep:
-        raise HarnessError("--track: found it beside --keep, needed one of them; leave one out")
+                settle_film(film, stated, track=track, progress=bars.update)
 
 
 def load_scenario(name: str) -> Scenario:

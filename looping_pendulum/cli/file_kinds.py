@@ -28,7 +28,7 @@ ROW_OF_NUMBERS = re.compile(r"^[-+\d.eE;,\t ]*\d[;,\t ]+[-+.]?\d[-+\d.eE;,\t ]*$
 def kind_of(path: Path) -> str | None:
     """Return the kind of a file, a key of `COMMANDS`; None if it is none of them, or none that can be read."""
     from looping_pendulum.measured.film import is_film
-    from looping_pendulum.measured.tables.tracker_project import is_named_project
+    from looping_pendulum.measured.tables.tracker_project import is_project
 
     try:
         if not path.is_file():
@@ -42,7 +42,7 @@ def kind_of(path: Path) -> str | None:
     for kind, keys in KEYS.items():
         if re.search(rf"^({'|'.join(keys)})[ \t]*:", text, re.M):
             return kind
-    is_table = is_named_project(str(path)) or ROW_OF_NUMBERS.search(text.replace("\r", "\n"))
+    is_table = is_project(str(path)) or ROW_OF_NUMBERS.search(text.replace("\r", "\n"))
     return "table of numbers" if is_table else None
 
 

@@ -15,7 +15,6 @@ from looping_pendulum.cli.common import (
     INTERRUPTED,
     AsJson,
     Force,
-    KeepPoints,
     Quiet,
     TrackFilms,
     report_folder,
@@ -70,7 +69,6 @@ def look(
         ),
     ] = None,
     track: TrackFilms = False,
-    keep: KeepPoints = False,
     force: Force = False,
 ) -> None:
     """Compare tracked points with what a study declares, in seconds and before any fit; or say how a table is read.
@@ -83,13 +81,13 @@ def look(
     looping-pendulum look trials/first.trk --write plain.csv
     """
     if source.suffix.lower() not in (".yaml", ".yml"):
-        if track or keep:
-            raise HarnessError("--track, --keep: found one of them beside a table, needed a study of films; leave it out")
+        if track:
+            raise HarnessError("--track: found it beside a table, needed a study of films; leave it out")
         _look_at_table(source, settings or [], write, force=force)
     elif settings:
         raise HarnessError(f"{SET}: found it beside a study, needed a table; write such keys into the study's trial")
     else:
-        _look_at_study(source, out, write, force=force, track=track, keep=keep)
+        _look_at_study(source, out, write, force=force, track=track)
 
 
 def _look_at_table(table: Path, settings: Sequence[str], write: Path | None, *, force: bool) -> None:
@@ -130,7 +128,7 @@ def _write_plain(observations: Observations, path: Path) -> None:
     say(f"wrote {path}")
 
 
-def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: bool, track: bool, keep: bool) -> None:
+def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: bool, track: bool) -> None:
     """Compare the points of a study's trials with what it declares."""
     from looping_pendulum.measured import study_io
 
@@ -147,7 +145,7 @@ def _look_at_study(study: Path, out: Path | None, write: Path | None, *, force: 
     plain = {} if write is None else _plain_tables(write, [each.name for each in loaded.trials])
     for path in plain.values():
         prepare_output_file(path, force=force, option="--write")
-    settle_films(loaded, track=track, keep=keep)
+    settle_films(loaded, track=track)
     with ProgressBars() as bars:
         check = take_first_look(loaded, progress=bars.update)
     for sentence in dict.fromkeys(sentence for trial in check.trials for sentence in trial.reading):
@@ -259,7 +257,6 @@ def identify(
         bool, typer.Option("--anyway", help="Search even if the tracked points contradict what the study declares.")
     ] = False,
     track: TrackFilms = False,
-    keep: KeepPoints = False,
 ) -> None:
     """Find the physics that a model of measured trials lacks, and report the model's error before and after adding it.
 
@@ -281,7 +278,7 @@ def identify(
 
     folder = out or Path("report") / loaded.name
     prepare_output_folder(folder, files=writing.FILES, folders=writing.FOLDERS, record="verdict.json")
-    settle_films(loaded, track=track, keep=keep)
+    settle_films(loaded, track=track)
     if films := [path for trial in loaded.trials for path, _ in trial.files if is_film(path)]:
         note(films_in_words(len(films), time_limit))
     left = None if time_limit is None else max(time_limit - (time.monotonic() - began), MIN_TIME_LIMIT)

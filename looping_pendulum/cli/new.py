@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from looping_pendulum.cli.common import Force, KeepPoints, TrackFilms, refuse_both, scenario_names
+from looping_pendulum.cli.common import Force, TrackFilms, scenario_names
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, say
 from looping_pendulum.cli.usage import App
@@ -98,14 +98,13 @@ def study(
         list[str] | None, _option('Angle of the string at release, "90 deg +/- 0.5 deg" is level; once, or for each file.')
     ] = None,
     track: TrackFilms = False,
-    keep: KeepPoints = False,
     force: Force = False,
 ) -> None:
     """Write a study: what the films and tables show, what you give here, and TODO for each value that is still to be measured.
 
     A film shows the ball's radius, and angle and hanging length of its release, given the free length. Each value has its
     unit, and its standard error behind "+/-"; without one it is taken as exact. A film's points are those of `track`; one that
-    was not tracked, or with another length, radius or rate, is named with what differs, and needs --track or --keep.
+    was not tracked, or with another length, radius or rate, is named with what differs, and needs --track.
 
     looping-pendulum new study first.mp4 second.csv --light-mass "20 g +/- 0.1 g" --free-length "58 cm +/- 1 mm"
     """
@@ -115,10 +114,9 @@ def study(
     from looping_pendulum.teaching.new_file import new_study
 
     prepare_output_file(out, force=force)
-    refuse_both(track=track, keep=keep)
     title, given = out.stem.replace("_", " "), _given(context)
     with ProgressBars() as bars:
-        text = new_study(title, out.parent, files, given, track=track, keep=keep, progress=bars.update)
+        text = new_study(title, out.parent, files, given, track=track, progress=bars.update)
     _write(out, text)
     _write_schema(out, "study", json_schema)
     todo = text.count(f": {TO_FILL_IN}")

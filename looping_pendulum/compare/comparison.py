@@ -29,7 +29,7 @@ from looping_pendulum.compare.result import (
 from looping_pendulum.compare.simple_mistakes import simple_mistake, velocity_mistake
 from looping_pendulum.compare.stories import missing_physics, story
 from looping_pendulum.compare.trial import MeasuredTrial, compare_trial
-from looping_pendulum.measured.tables.events import MeasuredEventRow, MeasuredEventTable
+from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.runs.events import Landmarks, event_value, run_landmarks
 from looping_pendulum.runs.trajectory import (
     SAME_TIME,
@@ -47,9 +47,12 @@ NOT_RUN_STATUSES = frozenset({RunStatus.MISSING, RunStatus.UNSUPPORTED, RunStatu
 
 
 def compare(
-    scenario: Scenario, reference: Reference, trajectories: Sequence[Trajectory], measured: MeasuredEventTable | None = None
+    scenario: Scenario,
+    reference: Reference,
+    trajectories: Sequence[Trajectory],
+    measured: Sequence[MeasuredEventRow] = (),
 ) -> ComparisonResult:
-    """Compare engines with the reference, and both with a measured event table if there is one; `with_trial` adds a trial.
+    """Compare engines with the reference, and both with measured events if there are any; `with_trial` adds a trial.
 
     Parameters
     ----------
@@ -87,7 +90,7 @@ def compare(
         tolerances=tuple(
             judge_tolerance(t, judged[t.engine, t.profile]) for t in scenario.tolerances if (t.engine, t.profile) in judged
         ),
-        measured=() if measured is None else _measured(measured.rows, exact_landmarks, engines),
+        measured=_measured(measured, exact_landmarks, engines),
         measured_source="" if scenario.measured is None else scenario.measured.source,
         clock=Clock(
             written=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),

@@ -15,7 +15,7 @@ from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select
 from looping_pendulum.errors import EngineError
-from looping_pendulum.measured.tables.events import find_data, read_event_table
+from looping_pendulum.measured.tables.events import MeasuredEventRow, find_data, read_event_table
 from looping_pendulum.runs.trajectory import Trajectory
 from looping_pendulum.scenarios.scenario import Scenario
 
@@ -93,10 +93,10 @@ def compare_engines(
     chosen = chosen_engines(engines, profile)
     reference = Reference(scenario)
     # Before the runs, too, so that a faulty table does not waste them; without its file there is nothing to compare with
-    measured = None
+    measured: tuple[MeasuredEventRow, ...] = ()
     if trial is None and scenario.measured is not None:
         path = find_data(scenario.measured.file, data_folder)
-        measured = None if path is None else read_event_table(path, scenario.measured.sha256)
+        measured = () if path is None else read_event_table(path, scenario.measured.sha256)
 
     def compared(runs: list[Trajectory]) -> ComparisonResult:
         result = compare(scenario, reference, runs, measured)

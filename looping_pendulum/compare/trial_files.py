@@ -40,7 +40,6 @@ KEYS = (
     "dropped",
     "mirrored",
     "camera",
-    "event_errors",
 )
 """Keys of a study's trial that say how its files are read."""
 STUDY_SUFFIXES = (".yaml", ".yml")

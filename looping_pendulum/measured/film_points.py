@@ -3,31 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from looping_pendulum.errors import HarnessError
-from looping_pendulum.files import read_file, write_atomically
+from looping_pendulum.files import read_file
 from looping_pendulum.installation import command_line
-from looping_pendulum.measured.film.record import FilmTrack, TrackSettings, files_of, read_record, record_text
+from looping_pendulum.measured.film.record import FilmTrack, TrackSettings, files_of, read_record
 from looping_pendulum.measured.observations import DataError, Observations
+from looping_pendulum.scenarios.units import show
 
 if TYPE_CHECKING:
     from looping_pendulum.processes import ReportShare
 
-OPTIONS = {"free_length": "cm", "rod_radius": "mm", "frame_rate": "Hz", "first": "s", "last": "s", "readout": "ms"}
-"""Field of `TrackSettings` that is a quantity -> unit in which it is shown and typed."""
-FACTORS = {"cm": 1e2, "mm": 1e3, "Hz": 1.0, "s": 1.0, "ms": 1e3}
-"""Unit -> how many of it an SI unit has."""
-
+OPTIONS = {"free_length": "m", "rod_radius": "m", "frame_rate": "Hz", "first": "s", "last": "s", "readout": "s"}
+"""Field of `TrackSettings` that is a quantity -> its SI unit."""
 MAX_RECORD_SIZE = 64 * 1024**2
 """Largest record that is read [bytes]: one of ten minutes at 240 Hz has 40 million."""
 
 
 class TrackingNeededError(DataError):
-    """A film has no points with what is stated; the message says why, what tracking costs, and what to type."""
+    """A film has no points with what is stated; the message says why, and what to type."""
 
 
 def track(film: str | Path, *, progress: ReportShare | None = None, **known: Any) -> Observations:
@@ -95,50 +92,35 @@ def read_track(film: Path, stated: Mapping[str, float]) -> FilmTrack:
         f"{name.replace('_', ' ')}: tracked with {_shown(name, getattr(settings, name))}, now {_shown(name, stated[name])}"
         for name in differing
     )
-    from looping_pendulum.measured.film.decode import cost_in_words
-
     again = " again" if differing else ""
-    raise TrackingNeededError(f"{film}: {why}; track it{again} ({cost_in_words(film)}): {_command(film, stated, settings)}")
+    raise TrackingNeededError(f"{film}: {why}; track it{again}: {_command(film, stated, settings)}")
 
 
-def settle_film(
-    film: Path, stated: Mapping[str, float], *, track: bool, keep: bool, progress: ReportShare | None = None
-) -> FilmTrack:
+def settle_film(film: Path, stated: Mapping[str, float], *, track: bool, progress: ReportShare | None = None) -> FilmTrack:
     """Return what tracking found in a film, as a command asks for it, and leave it beside the film for those that follow.
 
     Parameters
     ----------
     track
         Whether to track a film that has no points, or was tracked with other values than the stated ones.
-    keep
-        Whether to take the points that are there, whatever they were tracked with.
 
     Raises
     ------
     TrackingNeededError
-        As `read_track` does, where neither helps.
+        As `read_track` does, where it is not asked for, or the film is not there.
     DataError
         If the film cannot be tracked.
     """
     try:
         return read_track(film, stated)
     except TrackingNeededError as error:
-        found, _ = _stored(film)
         if not film.exists():
             raise
-        if not track and (found is None or not keep):
-            ways_out = ", or add --track" if found is None else ", or add --track, or --keep for the points that are there"
-            raise TrackingNeededError(f"{error}{ways_out}") from None
-    if keep and found is not None:
-        found = dataclasses.replace(found, kept_for={**found.kept_for, **stated})
-        record = files_of(film).record
-        written = record.stat().st_mtime_ns
-        write_atomically(record, record_text(found))
-        # Its points are as old as before, so that a table that was changed since is still newer
-        os.utime(record, ns=(written, written))
-        return found
+        if not track:
+            raise TrackingNeededError(f"{error}, or add --track") from None
     from looping_pendulum.measured.film.output import track_and_write
 
+    found, _ = _stored(film)
     # What a person has shown in the film stays
     settings = (TrackSettings() if found is None else found.settings).with_stated(stated)
     try:
@@ -170,10 +152,7 @@ def _stored(film: Path) -> tuple[FilmTrack | None, str]:
 
 def _shown(name: str, value: float | None) -> str:
     """Return a setting [SI] with a usual unit."""
-    if not value:
-        return "none"
-    unit = "mm" if name.endswith("_error") else OPTIONS[name]
-    return f"{FACTORS[unit] * value:.6g} {unit}"
+    return show(value, OPTIONS[name.removesuffix("_error")]) if value else "none"
 
 
 def _command(film: Path, stated: Mapping[str, float], settings: TrackSettings) -> str:

@@ -18,13 +18,7 @@ from looping_pendulum.measured.observations import Channel, DataError
 from looping_pendulum.reference_ode.geometry import Array, xy_pairs
 from looping_pendulum.reference_ode.parameters import Parameters
 from looping_pendulum.reference_ode.sensitivity import COMPLEX_STEP, DifferentiatedRun, moves_with, run_with_derivatives
-from looping_pendulum.reference_ode.solution import (
-    Samples,
-    heavy_mass_position,
-    height_at_release,
-    light_mass_position,
-    string_overlap,
-)
+from looping_pendulum.reference_ode.solution import heavy_mass_position, height_at_release, light_mass_position, string_overlap
 from looping_pendulum.reference_ode.solve import carried_out
 from looping_pendulum.reference_ode.state import Effects, State
 
@@ -44,52 +38,30 @@ PLACING_ENTRIES = {"free_length", "wrap_angle", "slack", "heavy_tilt", "sideways
 CLOCK = ("clock_offset", "clock_ratio", "readout")
 """Values of the camera that say when each point was measured."""
 
-SampleFunction = Callable[[Array], Samples]
-"""Function of ascending times since release [s], none negative, that returns the run at those times.
 
-It may leave out times past the run's end.
-"""
-
-
-def predict(sample: SampleFunction, camera: Camera, channels: Sequence[Channel], *, dropped: str = "heavy") -> dict[str, Array]:
+def predict(parameters: Parameters, camera: Camera, channels: Sequence[Channel], *, dropped: str = "heavy") -> dict[str, Array]:
     """Return the values [SI] that ``camera`` measures in each channel of a run, at the channel's own times.
 
     Past the run's end they are those of its end.
 
     Parameters
     ----------
-    sample
-        The run. It is called once, with all times that any channel needs.
     dropped
         Mass that a channel "height" shows, "light" or "heavy". Height is measured from its release, plus origin_y.
 
     Raises
     ------
+    HarnessError
+        If the model cannot run.
     DataError
         If a channel has points, but none of them during the run.
-    """
-    times = sample_times(camera, channels)
-    samples = sample(times.times)
-    p, known = samples.run.parameters, len(samples.t)
-    ends = samples.run.end.state
-    state = State(*(np.append(v, np.full(len(times.times) - known, end)) for v, end in zip(samples.state, ends, strict=True)))
-    return _measured(SampledRun(state, known, p.values(), p.effects), camera, channels, times, dropped)
-
-
-def predict_run(parameters: Parameters, camera: Camera, channels: Sequence[Channel], dropped: str) -> Array:
-    """Return the values that `predict` returns of the run with these parameters, its channels end to end, shape (n,).
-
-    Raises
-    ------
-    HarnessError
-        If the model cannot run, or as `predict` does.
     """
     times = sample_times(camera, channels)
     runs = carried_out(
         parameters, parameters.effects, times.times, times.duration, FIT_TOLERANCE, max_steps=FIT_STEPS
     )  # past its end the driver returns samples of the end
     run = SampledRun(State(*runs.samples.T), int(runs.counts[0]), parameters.values(), parameters.effects)
-    return np.concatenate([*_measured(run, camera, channels, times, dropped).values()])
+    return _measured(run, camera, channels, times, dropped)
 
 
 def predict_with_derivatives(

@@ -100,18 +100,14 @@ class Channel:
         """Return the SI unit of the values."""
         return UNITS[self.name]
 
-    def rounding_sigma(self, speed: Array) -> Array:
-        """Return the error of each point by the file's rounding of values and times [SI].
+    def least_sigma(self, speed: Array) -> Array:
+        """Return the error that each point has at least [SI]: by the file's rounding of values and times, and as stated.
 
         Values that rounding makes equal have one error of rounding, so that they count once.
         """
         begins = np.append(True, np.diff(self.value) != 0)
         length = np.bincount(np.cumsum(begins) - 1)[np.cumsum(begins) - 1]
-        return np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
-
-    def least_sigma(self, speed: Array) -> Array:
-        """Return the error that each point has at least [SI]: by the file's rounding, and as stated."""
-        rounding = self.rounding_sigma(speed)
+        rounding = np.asarray(np.hypot(self.last_digit / math.sqrt(12) * np.sqrt(length), self.time_error * speed))
         return rounding if self.stated_error is None else np.hypot(rounding, np.interp(self.t, *self.stated_error))
 
     @property
@@ -167,8 +163,6 @@ class ReadingNotes:
     """Parameter of the camera -> standard error that it has by what was put right [SI]."""
     tracks: dict[str, str] = field(default_factory=dict)
     """Mass -> name of its track in the file."""
-    length_unit: str = ""
-    """Unit of length that the file names itself; '' if it names none."""
 
     def edits(self) -> tuple[Edit, ...]:
         """Return what was left out, and what was assumed."""
@@ -293,21 +287,6 @@ def mirrored(observations: Observations) -> Observations:
     flip = {"light_x", "heavy_x", "angle", "angle_rate"}
     channels = tuple(replace(c, value=-c.value) if c.name in flip else c for c in observations.channels)
     return replace(observations, channels=channels)
-
-
-def with_event_errors(observations: Observations, errors: dict[str, float]) -> Observations:
-    """Return a copy whose events have the standard errors given for their SI unit, for example ``{"s": 0.008}``.
-
-    Raises
-    ------
-    DataError
-        If a standard error is not a finite number above 0.
-    """
-    for unit, sigma in errors.items():
-        if not (math.isfinite(sigma) and sigma > 0):
-            raise DataError(f"event error in {unit}: found {sigma}, needed a number above 0")
-    events = tuple(replace(e, sigma=errors.get(e.unit, e.sigma)) for e in observations.events)
-    return replace(observations, events=events)
 
 
 MAX_RATE_AT_REST = 0.05

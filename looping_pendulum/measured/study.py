@@ -38,11 +38,9 @@ from looping_pendulum.measured.observations import (
     merge,
     mirrored,
     rates_from_release,
-    with_event_errors,
 )
 from looping_pendulum.measured.study_file import (
     CAMERA_ERRORS,
-    EVENT_ERRORS,
     FILES,
     MEASURED_APPARATUS,
     MEASURED_IN_TRIAL,
@@ -220,8 +218,6 @@ class Trial:
     """Parameter -> measured value in this trial: of the release, and of parts that differ from the apparatus."""
     camera: Annotated[Mapping[str, Estimate], CAMERA_ERRORS] = field(default_factory=dict)
     """Errors of the camera, with what is known of each; it replaces the usual prior."""
-    event_errors: Annotated[Mapping[str, float], EVENT_ERRORS] = field(default_factory=dict)
-    """Standard errors of events, for tables that do not print them."""
     points: Annotated[InstanceOf[Observations] | str | None, in_no_file("points")] = field(default=None, repr=False)
     """What a script gives in place of files: observations, or the text of a table."""
 
@@ -253,7 +249,6 @@ class Trial:
         hanging_length: Measured | None = None,
         push_across: Measured | None = None,
         camera: Mapping[str, Measured] | None = None,
-        event_errors: Mapping[str, Quantity] | None = None,
     ) -> None:
         """Declare the keywords by which a script makes one; `_takes_keywords` carries it out."""
 
@@ -342,13 +337,6 @@ class Study:
     def held_out(self) -> tuple[Trial, ...]:
         """Return the trials on which the error before and after is judged."""
         return tuple(t for t in self.trials if t.held_out)
-
-    @property
-    def declared(self) -> tuple[str, ...]:
-        """Return the names of the declared effects; gravity is always one."""
-        return tuple(
-            e.name for e in self.known_effects if e.name == "gravity" or any(c.name in self.effects for c in e.coefficients)
-        )
 
     @property
     def known_effects(self) -> tuple[Effect, ...]:
@@ -541,7 +529,7 @@ def read_files(folder: Path, trial: Trial, rod_radius: Estimate | None = None) -
     )
     if trial.events is not None:
         parts = (*parts, read(folder / trial.events, kind="events", name=trial.name))
-    observations = with_event_errors(merge(trial.name, parts), dict(trial.event_errors))
+    observations = merge(trial.name, parts)
     # The points of a film are as if the light mass had started on the left, on whichever side it did
     observations = mirrored(observations) if trial.mirrored and not has_film else observations
     length, angle = (trial.estimates.get(name) for name in ("free_length", "release_angle"))

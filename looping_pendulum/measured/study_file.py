@@ -368,18 +368,3 @@ UNITS = KeyGroup(
 CAMERA_ERRORS = KeyGroup(
     keys={n: Key(MeasuredField(quantity_kind(c, example=show(c.null, c.unit)), c.null), c.meaning) for n, c in CAMERA.items()}
 )
-_EVENT_KINDS = {
-    "time": QuantityKind(unit="s", low=0.0, exclusive_low=True, example="8 ms"),
-    "length": QuantityKind(unit="m", low=0.0, exclusive_low=True, example="1 cm"),
-    "angle": QuantityKind(unit="rad", low=0.0, exclusive_low=True, example="2 deg"),
-}
-EVENT_ERRORS = KeyGroup(
-    keys={
-        name: Key(QuantityField(kind), f"Of {name}s; one unit of the last printed digit if not given.")
-        for name, kind in _EVENT_KINDS.items()
-    },
-    description="Standard errors of events, for tables that do not print them.",
-    from_keys=lambda errors: {_EVENT_KINDS[name].unit: error for name, error in errors.items()},
-    to_keys=lambda errors: {name: errors[kind.unit] for name, kind in _EVENT_KINDS.items() if kind.unit in errors},
-)
-"""Standard errors of events: by what is measured in a file, SI unit -> error [SI] in the program."""

@@ -106,7 +106,6 @@ def new_study(
     given: Mapping[str, Sequence[str]],
     *,
     track: bool = False,
-    keep: bool = False,
     progress: ReportShare | None = None,
 ) -> str:
     """Return the YAML of a study, in which `TO_FILL_IN` stands for each value that is neither given nor shown by a file.
@@ -119,9 +118,8 @@ def new_study(
         Films and tables, in the order of their trials.
     given
         Name of a quantity -> its value with its unit and standard error, one for all files or one for each.
-    track, keep
-        Of a film that has no points, or was tracked with other values than the given ones: whether to track it, or to take the
-        points that are there.
+    track
+        Whether to track a film that has no points, or was tracked with other values than the given ones.
     progress
         Called while a film is tracked.
 
@@ -139,7 +137,7 @@ def new_study(
     trials: list[_Trial] = []
     for i, file in enumerate(files):
         mine = {quantity: texts[i if len(texts) > 1 else 0] for quantity, texts in given.items()}
-        trials += _trials_of(file, mine, track=track, keep=keep, progress=progress)
+        trials += _trials_of(file, mine, track=track, progress=progress)
     names: set[str] = set()
     for trial in trials:
         name, n = trial.name, 1

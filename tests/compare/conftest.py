@@ -164,7 +164,7 @@ def table() -> SimpleNamespace:
         ("wrap_angle_at_halt", 1, None, 4.0, "rad"),
         ("x1_extremum", 99, 0.34, 0.34, "s"),
     )
-    return SimpleNamespace(rows=[MeasuredEventRow(**dict(zip(names, row, strict=True))) for row in rows])
+    return [MeasuredEventRow(**dict(zip(names, row, strict=True))) for row in rows]
 
 
 @pytest.fixture

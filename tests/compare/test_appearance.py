@@ -42,12 +42,12 @@ def everything(measured_scenario, reference, make_run, missing, table):
     crashed = make_run(delay=-2e-3, until=0.6, engine="mujoco", status=RunStatus.CRASHED)
     exact = make_run(engine="drake", profile="accurate")
     rows = [
-        *table.rows,
+        *table,
         MeasuredEventRow(quantity="t_A", index=1, measured=0.33, paper_numerical=0.34, unit="s"),
         MeasuredEventRow(quantity="height_change_at_A", index=1, measured=-0.24, paper_numerical=None, unit="m"),
         MeasuredEventRow(quantity="time_light_reaches_rod", index=1, measured=1.0, paper_numerical=1.05, unit="s"),
     ]
-    return compare(measured_scenario, reference, [lower, crashed, exact, missing], SimpleNamespace(rows=rows))
+    return compare(measured_scenario, reference, [lower, crashed, exact, missing], rows)
 
 
 def looks(result):

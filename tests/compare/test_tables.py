@@ -1,7 +1,6 @@
 """Tables against arithmetic: event quantities, differences from the measured values, moments, and what a halt was read from."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import pytest
 
@@ -71,7 +70,7 @@ def measured(measured_scenario, reference, make_run):
         ("time_light_reaches_rod", 1.0955, None, "s"), ("t_B", 0.6, None, "s"),
     ]  # fmt: skip
     names = ("quantity", "measured", "paper_numerical", "unit")
-    table = SimpleNamespace(rows=[MeasuredEventRow(index=1, **dict(zip(names, row, strict=True))) for row in rows])
+    table = [MeasuredEventRow(index=1, **dict(zip(names, row, strict=True))) for row in rows]
     runs = [make_run(delay=2e-3), make_run(engine="mujoco", until=0.3)]
     return compare(measured_scenario, reference, runs, table)
 

@@ -5,31 +5,8 @@ import dataclasses
 import numpy as np
 
 from looping_pendulum.discrepancy.fit.problem import Problem
-from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
-from looping_pendulum.reference_ode.solve import solve_at
-
-
-def singly(problem, rows):
-    """Predict by `solve_at` and one camera at a time."""
-    return np.array([np.concatenate([one(problem, x, k) for k in range(len(problem.data))]) for x in rows])
-
-
-def one(problem, x, k):
-    d = problem.data[k]
-    try:
-        parameters, camera = problem.parameters_and_camera(x, k)
-        values = predict(
-            lambda t: solve_at(parameters, t, duration=t[-1] + 1e-3, tolerance=FIT_TOLERANCE),
-            camera,
-            d.channels,
-            dropped=d.trial.dropped,
-        )
-        return np.concatenate([values[c.name] for c in d.channels])
-    except HarnessError:
-        return np.full(len(d.value), np.nan)
 
 
 def with_candidate(problem, candidate, companions=()):
@@ -60,19 +37,6 @@ def together(problem, rows):
     return np.array([np.concatenate([problem.predict(x, k) for k in range(len(problem.data))]) for x in rows])
 
 
-def test_predictions_are_those_of_samples_one_by_one(inputs, problem):
-    """Oracle: `solve_at`, which keeps no sample past a run's end, and `predict`, which adds them."""
-    rng = np.random.default_rng(5)
-    for c in inputs.library:
-        extended, x = with_candidate(problem, c, c.companion_grid()[0])
-        rows = x + rng.normal(0, 0.3, (2, len(x)))
-        rows[:, len(problem.names) :] = x[len(problem.names) :]
-        np.testing.assert_allclose(together(extended, rows), singly(extended, rows), atol=1e-9, rtol=0, err_msg=c.name)
-    extended = with_errors_of_the_camera(problem, FREE_OF_A_CAMERA)
-    rows = rng.normal(0, 0.5, (3, len(extended.names)))
-    np.testing.assert_allclose(together(extended, rows), singly(extended, rows), atol=1e-9, rtol=0)
-
-
 def test_where_the_model_or_the_camera_cannot_be_there_is_no_number(problem):
     trials = tuple(d.trial.name for d in problem.data)
     own = [
@@ -84,5 +48,4 @@ def test_where_the_model_or_the_camera_cannot_be_there_is_no_number(problem):
     rows = np.array([[0, 0, 0], [-1, 0, 0], [9, 0, 0], [0, 5, 0], [0, 0, 50], [0, 0, 90], [0, 0.1, 0.01], [1e-3, 0, 0.0]])
     found = together(extended, rows)
     assert np.isnan(found).all(axis=1).tolist() == [False, True, True, True, True, True, False, False]
-    np.testing.assert_allclose(found, singly(extended, rows), atol=1e-9, rtol=0)
     assert extended.residuals(rows[1]) is None

@@ -17,7 +17,6 @@ from looping_pendulum.measured.observations import Channel, Observations, rates_
 from looping_pendulum.measured.study import Trial
 from looping_pendulum.measured.study_io import load
 from looping_pendulum.reference_ode.parameters import Parameters, Release
-from tests.apparatus import sampler
 from tests.blind.pendulum import Pendulum, motion, write_gyroscope
 from tests.discrepancy.blind_study import only_candidates
 from tests.discrepancy.held_study import write_held_study
@@ -141,7 +140,7 @@ def test_predicted_rates_and_their_derivatives():
     before = camera.true_time(channel.t) < 0
 
     def predicted(parameters, camera=camera):
-        return predict(sampler(parameters), camera, [channel])["angle_rate"]
+        return predict(parameters, camera, [channel])["angle_rate"]
 
     exact = motion(
         Pendulum(mass=0.15, length=0.4, angle=math.pi - 2.5, rate=-0.3 / 0.4, quadratic_drag=4e-3, gravity=9.81),

@@ -13,6 +13,7 @@ from looping_pendulum.measured.camera import CAMERA
 from looping_pendulum.measured.film import output
 from looping_pendulum.measured.film.record import TrackSettings
 from looping_pendulum.measured.film.track import track
+from looping_pendulum.measured.tables.plain_table import plain_table
 from tests.apparatus import TEN_TO_ONE
 from tests.blind import Apparatus
 from tests.measured.film.conftest import SHORT
@@ -27,7 +28,7 @@ NEAR = {"release_angle": math.radians(0.1), "free_length": 2e-3, "kinetic_fricti
 def test_a_clean_film_is_noise_and_its_values_come_back(node, tmp_path):
     path, filmed = tmp_path / "clean.mp4", Apparatus()
     render(path, Scene(**SHORT, hand=True), looping_motion(0.8))
-    table = output.table(track(path, TrackSettings(free_length=filmed.free_length)))
+    table = plain_table(track(path, TrackSettings(free_length=filmed.free_length)).observations("clean"), output.DECIMALS)
     [read] = node("read_trials.mjs", [{"file": "clean.csv", "bytes": base64.b64encode(table.encode()).decode(), "options": {}}])
     assert all(len(c["error"]) == len(c["t"]) for c in read["channels"])
     known = {name: getattr(filmed, name) for name in ("light_mass", "heavy_mass", "rod_radius", "gravity")}

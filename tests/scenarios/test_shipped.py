@@ -80,7 +80,7 @@ def test_measured_table_is_found_by_its_checksum(name):
     if path is None:
         pytest.skip("the measured data is not part of the project, and no data folder is here")
     table = read_event_table(path, trial.sha256)
-    assert "halting_time" in {row.quantity for row in table.rows}
+    assert "halting_time" in {row.quantity for row in table}
     assert hashlib.sha256(path.read_bytes()).hexdigest() == trial.sha256
 
 

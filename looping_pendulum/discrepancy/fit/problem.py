@@ -28,7 +28,7 @@ from looping_pendulum.discrepancy.fit.event_prediction import (
 from looping_pendulum.errors import HarnessError
 from looping_pendulum.measured.camera import CAMERA, Camera
 from looping_pendulum.measured.free_parameter import FreeParameter, ParameterRole
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict_run, predict_with_derivatives, sample_times
+from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict, predict_with_derivatives, sample_times
 from looping_pendulum.measured.study import Study, Trial
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -239,7 +239,8 @@ class Problem:
         with contextlib.suppress(HarnessError, ArithmeticError):
             parameters, camera = self.parameters_and_camera(x, k)
             if d.channels:
-                values[: d.event_slice.start] = predict_run(parameters, camera, d.channels, d.trial.dropped)
+                shown = predict(parameters, camera, d.channels, dropped=d.trial.dropped)
+                values[: d.event_slice.start] = np.concatenate([*shown.values()])
             if d.events:
                 values[d.event_slice] = with_missed_events(predict_events(parameters, camera, d.events), d.events)
         return values

@@ -11,7 +11,6 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
@@ -21,14 +20,12 @@ from looping_pendulum.measured import observations as measured
 from looping_pendulum.measured.camera import Camera
 from looping_pendulum.measured.clock import USUAL_RATES
 from looping_pendulum.measured.edits import with_free_start
-from looping_pendulum.measured.measurement import FIT_TOLERANCE, predict
+from looping_pendulum.measured.measurement import predict
 from looping_pendulum.measured.observations import Channel
 from looping_pendulum.measured.study import Estimate, Trial
 from looping_pendulum.pages.numbers import number, quantity
 from looping_pendulum.reference_ode.geometry import Array, next_string_coordinates
-from looping_pendulum.reference_ode.parameters import Parameters, Release
-from looping_pendulum.reference_ode.solution import Solution
-from looping_pendulum.reference_ode.solve import solve
+from looping_pendulum.reference_ode.parameters import Release
 from looping_pendulum.scenarios.quantities import QUANTITIES
 from looping_pendulum.scenarios.units import UnitError, to_si
 
@@ -129,35 +126,12 @@ def _declared_points(case: Case) -> list[tuple[Channel, Array]]:
         If the model cannot run.
     """
     window = WINDOW * case.fall_time
-    solution = _solved(_Key(case.study.parameters({}, case.trial)), window)
+    parameters = case.study.parameters({}, case.trial)
     camera = Camera(**{n: e.value for n, e in case.trial.camera.items()})
     first = [(c, camera.true_time(c.t) <= window) for c in case.observations.channels]
     channels = [dataclasses.replace(c, t=c.t[kept], value=c.value[kept]) for c, kept in first]
-    there = predict(
-        lambda t: solution.sample(np.clip(t, 0.0, solution.end_time)),
-        camera,
-        [c for c in channels if len(c)],
-        dropped=case.trial.dropped,
-    )
+    there = predict(parameters, camera, [c for c in channels if len(c)], dropped=case.trial.dropped)
     return [(c, there.get(c.name, np.zeros(0))) for c in channels]
-
-
-class _Key:
-    """Parameters as the key of a cache, by value: many mistakes leave them as they are."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        self.parameters, self.text = parameters, repr(parameters.as_dict())
-
-    def __hash__(self) -> int:
-        return hash(self.text)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and other.text == self.text
-
-
-@lru_cache(maxsize=8)
-def _solved(key: _Key, duration: float) -> Solution:
-    return solve(key.parameters, duration=duration, tolerance=FIT_TOLERANCE)
 
 
 def pictured(case: Case, mirror: bool, turns: int) -> Case | None:

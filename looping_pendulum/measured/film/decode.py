@@ -22,33 +22,19 @@ from numpy.typing import NDArray
 from looping_pendulum.errors import MissingPackageError, one_line
 from looping_pendulum.files import read_file
 from looping_pendulum.installation import install_command
+from looping_pendulum.measured.clock import frame_grid
 from looping_pendulum.measured.film import FilmError
 from looping_pendulum.measured.film.record import Clock, FilmFacts
 from looping_pendulum.reference_ode.geometry import Array
 
-PACKAGES = {"cv2": "opencv-python-headless", "av": "av"}
-"""Module -> package, as pip knows it."""
-
-
-def imported(module: str) -> Any:
-    """Return a module of `PACKAGES`.
-
-    Raises
-    ------
-    MissingPackageError
-        If it is not installed.
-    """
-    try:
-        return import_module(module)
-    except ImportError:
-        command = install_command(*PACKAGES.values())
-        raise MissingPackageError(
-            f"films: found no package {PACKAGES[module]}, needed it to read films; to get it: `{command}`"
-        ) from None
-
-
-cv2: Any = imported("cv2")
-av: Any = imported("av")
+try:
+    av: Any = import_module("av")
+    cv2: Any = import_module("cv2")
+except ImportError as error:
+    command = install_command("opencv-python-headless", "av")
+    raise MissingPackageError(
+        f"films: found no PyAV or no OpenCV ({error}), needed both to read films; to get them: `{command}`"
+    ) from None
 # With pictures this small further threads only wait for a core
 cv2.setNumThreads(1)
 
@@ -70,8 +56,6 @@ CHANGED_PIXELS = 30
 """Number of pixels whose change is taken for that of the picture: a small mass is not more, in a reduced picture."""
 UNEVEN_STEP, SLOT_SLACK = 0.05, 0.25
 """Parts of a usual step by which one departs from it to be uneven, and exceeds a step and a half before a frame is lost."""
-TICK_SPREAD = 1.5
-"""Ticks by which times that were rounded to them may spread about even frames: one, and a half as the rate is fitted."""
 CLOCK_SOURCE = "the film's clock"
 """Source of the true frame rate where nobody states another one."""
 CAPTURE_RATE_KEY = "com.android.capture.fps"
@@ -93,11 +77,6 @@ ALIKE = 0.03
 """Distance from the median ratio up to which a block shows the light, and no thing."""
 TURNS = {90: cv2.ROTATE_90_COUNTERCLOCKWISE, -90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, -180: cv2.ROTATE_180}
 """Angle by which a stored picture is turned to be upright, counterclockwise [deg] -> how."""
-START_TIME, TIME_PER_PIXEL, SLOWER = 4.5, 4e-9, 2.0
-"""Of tracking: time to begin with [s], time for each pixel of each frame [s], and by how much another machine may be slower.
-
-Of 2026-11-28, on one core of two: 93 frames of 720p took 5.0 s, 387 frames 6.0 to 7.4 s.
-"""
 
 
 class Picture(NamedTuple):
@@ -449,28 +428,10 @@ def frame_times(
 
 def _even_times(clock: Array, tick: float, stated: float | None) -> Array:
     """Return the times of even frames [s] that were rounded to ticks, WebM's milliseconds; the clock's own if it is no such."""
-    steps = np.diff(clock)
-    consecutive = np.arange(len(clock))
-    with_lost = np.cumsum(np.append(0, np.maximum(np.round(steps / np.median(steps)), 1)))
-    for number in (consecutive, with_lost):
-        fitted = 1 / float(np.polyfit(number, clock, 1)[0])
-        # The stated rate, where the ticks do not tell the difference
-        for rate in (stated or fitted, fitted):
-            beside = clock - number / rate
-            if np.ptp(beside) <= TICK_SPREAD * tick:
-                return np.asarray(number / rate + 0.5 * (beside.min() + beside.max()))
-    return clock
-
-
-def cost_in_words(path: str | Path) -> str:
-    """Return how long tracking a film takes, by its header, in words: "some 6 to 12 s"."""
-    try:
-        film = OpenFilm(os.fspath(path))
-    except FilmError:  # refused with its reason when it is read
-        return "some seconds"
-    with film.container:
-        frames = film.stream.frames
-        if not frames and film.container.duration and film.stream.average_rate:
-            frames = int(film.container.duration / av.time_base * film.stream.average_rate)
-        seconds = START_TIME + TIME_PER_PIXEL * frames * film.stream.width * film.stream.height
-    return f"some {seconds:.0f} to {SLOWER * seconds:.0f} s" if frames else "some seconds for each second of the film"
+    rounding, rates = np.full(len(clock), 0.5 * tick), [] if stated is None else [stated]
+    grid = frame_grid(clock, rounding, rates)
+    if grid is None:
+        return clock
+    # The stated rate, where the ticks do not tell the difference
+    grid = grid.at_usual_rate(clock, rounding, rates) or grid
+    return grid.start + grid.number / grid.rate

@@ -456,7 +456,7 @@ def follow_all(path: str | Path, settings: TrackSettings, progress: ReportShare 
     ground = background(samples_of(seen.path, first, last, window), window, rests=not fills)
     shown = pictures(seen.path, first, last, lambda share: report("following what moves", 0.4 + 0.5 * share))
     blobs = blobs_of(shown, ground, skip=seen.facts.repeated, region=settings.region, whole=True)
-    things = _things(seen, blobs, settings)
+    things = _things(seen, blobs)
     if not things:
         raise FilmError(
             f"{seen.path}: found nothing that moves, needed something; is it the right film? Shorten it by --from and --to"
@@ -475,18 +475,13 @@ def _busy(seen: Survey, first: int, last: int) -> tuple[int, int]:
     return inside[best].frame, inside[ends[best]].frame
 
 
-def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Points]:
+def _things(seen: Survey, blobs: Blobs) -> dict[str, Points]:
     """Return the paths that go farthest, times their contrast, with names."""
     width = max(seen.facts.size)
     found = []
     for path in joined(paths(blobs, seen.t, width), seen.t):
         way = float(np.hypot(np.ptp(path[:, 1]), np.ptp(path[:, 2])))
         if way < LEAST_WAY * width or len(path) < LEAST_FRAMES:
-            continue
-        shown = settings.light
-        if shown is not None and not np.any(
-            (path[:, 0] == shown.frame) & (np.hypot(path[:, 1] - shown.x, path[:, 2] - shown.y) < 0.02 * width)
-        ):
             continue
         found.append((way * float(np.median(path[:, 4])), path))
     found.sort(key=lambda each: -each[0])
@@ -495,6 +490,6 @@ def _things(seen: Survey, blobs: Blobs, settings: TrackSettings) -> dict[str, Po
         error = np.full((len(path), 2), ERROR)
         things[name] = Points(
             frame=path[:, 0].astype(int), place=path[:, 1:3], error=error, counted_error=error,
-            streak=streak_way(path), radius=0.5 * float(np.median(path[:, 6])),
+            radius=0.5 * float(np.median(path[:, 6])),
         )  # fmt: skip
     return things

@@ -17,13 +17,11 @@ from looping_pendulum.measured.film.decode import Bytes, Picture, av, cv2, pictu
 from looping_pendulum.measured.film.moving import MovingPath
 from looping_pendulum.measured.film.record import FilmFiles, FilmTrack, PlainTrack, TrackSettings, record_text
 from looping_pendulum.measured.film.track import NotTrackedError, track
+from looping_pendulum.measured.tables.plain_table import plain_table
 from looping_pendulum.processes import ReportShare
 
-CHANNELS = ("light_x", "light_y", "heavy_x", "heavy_y")
-TABLE_COLUMNS = ("t [s]", *(f"{name} [m]" for name in CHANNELS), *(f"{name}_error [m]" for name in CHANNELS), "flag")
-"""Columns of the table, which is an export: a study that names the film takes the points themselves."""
-LONG_STREAK = 12.0
-"""Way during the exposure from which on its point is flagged [pixels of a picture 1280 wide]."""
+DECIMALS = 6
+"""Of the table, in seconds and metres. It is an export: a study that names the film takes the points themselves."""
 
 
 def refuse_foreign_table(files: FilmFiles) -> None:
@@ -42,28 +40,7 @@ def refuse_foreign_table(files: FilmFiles) -> None:
         raise FilmError(f"{files.table}: found a table of another program, needed room for the points; rename it, or use --out")
 
 
-def table(track: FilmTrack) -> str:
-    """Return the table of points from the release on, as CSV: metres from the rod's axis, and seconds from the release."""
-    rows = [",".join(TABLE_COLUMNS)]
-    masses = {"light": track.light, "heavy": track.heavy}
-    metres = {name: track.geometry.metres(mass.place) for name, mass in masses.items()}
-    long_streak = LONG_STREAK * track.facts.width / 1280
-    for k, now in enumerate(track.t - track.release.time):
-        if now < 0 or not any(k in mass.row for mass in masses.values()):
-            continue
-        cells, errors, flags = [f"{now:.6f}"], list[str](), list[str]()
-        for name, mass in masses.items():
-            if (i := mass.row.get(k)) is None:
-                cells, errors, flags = [*cells, "", ""], [*errors, "", ""], [*flags, f"no {name}"]
-                continue
-            cells += [f"{v:.6f}" for v in metres[name][i]]
-            errors += [f"{v:.6f}" for v in mass.counted_error[i] / track.geometry.scale]
-            flags += [f"{name} streak"] if mass.streak[i] > long_streak else []
-        rows.append(",".join([*cells, *errors, "; ".join(flags)]))
-    return "\n".join(rows) + "\n"
-
-
-def plain_table(track: PlainTrack) -> str:
+def table_of_things(track: PlainTrack) -> str:
     """Return the things' points over time as CSV, y upwards: in pixels, or in metres if a rule was shown."""
     rule = track.settings.scale
     unit, scale = ("px", 1.0) if rule is None else ("m", rule.pixels / rule.length)
@@ -104,7 +81,7 @@ def track_and_write(
 
 def write(track: FilmTrack, files: FilmFiles, *, overlay: bool = False) -> list[Path]:
     """Write table, record and contact sheet, with ``overlay`` the film with its marks, too; return their paths."""
-    write_atomically(files.table, table(track))
+    write_atomically(files.table, plain_table(track.observations(Path(track.path).stem), DECIMALS))
     write_atomically(files.record, record_text(track))
     write_atomically(files.sheet, _png(contact_sheet(track)))
     written = [files.table, files.record, files.sheet]
@@ -116,7 +93,7 @@ def write(track: FilmTrack, files: FilmFiles, *, overlay: bool = False) -> list[
 
 def write_plain(track: PlainTrack, files: FilmFiles) -> list[Path]:
     """Write the table of things that move and the record of their film; return the paths."""
-    write_atomically(files.table, plain_table(track))
+    write_atomically(files.table, table_of_things(track))
     write_atomically(files.record, record_text(track))
     return [files.table, files.record]
 

@@ -89,7 +89,6 @@ def mass_points(
         place=place,
         error=error_of(*shared),
         counted_error=error_of(*(shared * np.sqrt(times))),
-        streak=streak,
         # Across its way, of the half of its pictures in which it is slower
         radius=0.5 * float(np.median(width[streak <= np.median(streak)])),
     )

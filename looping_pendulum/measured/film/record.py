@@ -9,7 +9,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -194,15 +194,13 @@ class Points:
     """Standard errors of both [pixels], shape (n, 2)."""
     counted_error: Numbers
     """The same by which a fit should weigh them, as points that share an error show it once [pixels], shape (n, 2)."""
-    streak: Numbers
-    """Way during the exposure [pixels], shape (n,)."""
     radius: FiniteFloat
     """Of the mass's disc, or half its narrower side [pixels]."""
 
     def __post_init__(self) -> None:
         n = len(self.frame)
-        shapes = [each.shape for each in (self.frame, self.place, self.error, self.counted_error, self.streak)]
-        if not n or shapes != [(n,), (n, 2), (n, 2), (n, 2), (n,)]:
+        shapes = [each.shape for each in (self.frame, self.place, self.error, self.counted_error)]
+        if not n or shapes != [(n,), (n, 2), (n, 2), (n, 2)]:
             raise ValueError("found columns of different lengths, or none")
 
     @cached_property
@@ -250,11 +248,6 @@ class Geometry:
     def rod(self) -> tuple[float, float]:
         """Return the centre of the rod [pixels]."""
         return self.values["rod_x"], self.values["rod_y"]
-
-    @property
-    def tilt(self) -> float:
-        """Return the angle by which the picture is turned against the heavy mass's vertical, counterclockwise [rad]."""
-        return self.values["tilt"]
 
     @property
     def scale(self) -> float:
@@ -337,8 +330,6 @@ class FilmTrack:
     path: Annotated[str, PlainSerializer(lambda path: Path(path).name)]
     facts: FilmFacts
     settings: TrackSettings
-    kept_for: Mapping[str, float] = field(default_factory=dict)
-    """Fields of `settings` that were stated otherwise later [SI], by somebody who took the points all the same."""
     t: Numbers
     """Time of each frame from that of the first [s], by the true rate, shape (frames,)."""
     light: Points
@@ -408,13 +399,9 @@ class FilmTrack:
         }
 
     def stated_otherwise(self, stated: Mapping[str, float]) -> list[str]:
-        """Return the fields of `settings` that have another value in ``stated`` [SI], and were not taken all the same."""
-
-        def was_stated(name: str, value: float) -> bool:
-            before = (getattr(self.settings, name), self.kept_for.get(name))
-            return any(known is not None and math.isclose(known, value, rel_tol=SAME_VALUE) for known in before)
-
-        return [name for name, value in stated.items() if not was_stated(name, value)]
+        """Return the fields of `settings` that have another value in ``stated`` [SI]."""
+        known = {name: getattr(self.settings, name) for name in stated}
+        return [n for n, v in stated.items() if known[n] is None or not math.isclose(known[n], v, rel_tol=SAME_VALUE)]
 
     def observations(self, name: str, *notes: str) -> Observations:
         """Return the points from the release on, in seconds and metres, as those of the trial ``name``."""
@@ -495,11 +482,6 @@ def read_record(text: str | bytes) -> FilmTrack:
         If it is none, or was cut or changed.
     """
     try:
-        return _reader().validate_json(text)
+        return TypeAdapter(FilmTrack).validate_json(text)
     except (TypeError, OverflowError) as error:  # an array of what are no numbers
         raise ValueError(str(error)) from None
-
-
-@cache
-def _reader() -> TypeAdapter[FilmTrack]:
-    return TypeAdapter(FilmTrack)

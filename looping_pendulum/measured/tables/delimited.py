@@ -48,23 +48,13 @@ _NUMBER = re.compile(
     r"[+-]?(?=\.?[0-9])(?:[1-9][0-9]{0,2}(?:[, \u00a0\u202f'\u2019][0-9]{3})+|[0-9]*)(?:\.[0-9]*)?(?:[eE][+-]?[0-9]{1,4})?"
 )
 _BETWEEN_THOUSANDS = re.compile(r"[, \u00a0\u202f'\u2019]")
-# Hours may lack, and a date may stand before: "0:12.5", "00:00:12.50", "2024-05-03T10:22:31.250Z"
+# Hours may lack, and a date may stand before: "0:12.5", "00:00:12.50", "2024-05-03T10:22:31.250Z". At midnight it is a date
 _CLOCK = re.compile(
-    r"(?:[0-9]{4}-[0-9]{2}-[0-9]{2}[T ])?(?:([0-9]+):)?([0-9]{1,2}):([0-9]{2})(?:[.,]([0-9]+)|:([0-9]{2,3}))?"
+    r"(?:[0-9]{4}-[0-9]{2}-[0-9]{2}[T ](?!00:00:00$))?(?:([0-9]+):)?([0-9]{1,2}):([0-9]{2})(?:[.,]([0-9]+)|:([0-9]{2,3}))?"
     r"(?:Z|[+-][0-9]{2}:?[0-9]{2})?"
 )
 # A third colon has hundredths behind it (Kinovea) if one of them is too large for a frame's number, else perhaps frames
 _HUNDREDTHS = re.compile(r":[0-9]{2}:[0-9]{2}:(?:[6-9][0-9]|[0-9]{3})")
-_MONTH = (
-    r"(?:jan|gen|ene|feb|fev|fév|mar|mär|mrz|maa|mrt|apr|avr|abr|may|mai|maj|mei|mag|jun|juin|giu|jul|juil|lug|aug|aou"
-    r"|aoû|ago|sep|set|oct|okt|ott|out|nov|dec|dez|dic|déc)[^\W\d_]{0,6}\.?"
-)
-# A day without a time, as spreadsheets show "3.08" and "12.34" after they have taken them for dates: "03. Aug", "Dec 34"
-_DATE = re.compile(
-    rf"[0-3]?[0-9](?:\. ?|[ /-]){_MONTH}|{_MONTH}[ /-][0-9]{{2}}|[0-9]{{4}}-[01][0-9]-[0-3][0-9](?:[ T]00:00:00)?"
-    r"|[0-3]?[0-9]\.[01]?[0-9]\.(?:[0-9]{2}){1,2}(?: 00:00(?::00)?)?",
-    re.IGNORECASE,
-)
 # Signs that programs write for a minus before a number: macOS Numbers writes U+2212
 _MINUS_SIGNS = re.compile(r"[\u2212\u2012\u2013\ufe63\uff0d](?=[0-9.,])")
 _HAS_DIGIT = re.compile(r"[0-9]")
@@ -91,7 +81,7 @@ class TableLine:
     cells: tuple[str, ...]
     """Numbers have a decimal point and no signs between thousands; times of a clock are in seconds."""
     values: tuple[float, ...] = ()
-    """Number in each cell; not a number: it holds a text or nothing; infinite: a number that cannot be read, such as a date."""
+    """Number in each cell; not a number: it holds a text or nothing; infinite: a number that cannot be read."""
 
     @property
     def filled(self) -> list[str]:
@@ -119,6 +109,8 @@ class DelimitedText:
     """Lines that began with a sign of comments, without it."""
     lines: Sequence[TableLine]
     """All other lines that are not empty."""
+    notes: tuple[str, ...] = ()
+    """Sentences about what was used and what was left out, of a file from which the table was made."""
 
     def error(self, line: int | None, column: str, message: str, way_out: WayOut | None = None) -> DataError:
         """Return an error about a place in the file."""
@@ -135,17 +127,17 @@ class DelimitedText:
         text, value = row.cell(index), row.value(index)
         if math.isfinite(value) or text.lower() in MISSING:
             return value
-        if _DATE.fullmatch(text):
-            needed = (
-                ", a date that a spreadsheet made of a number, needed the number; import the measured table again "
-                "with its own decimal sign, or its columns as text, and export that; or empty the cell"
-            )
-        elif _CLOCK.fullmatch(text):
+        if _CLOCK.fullmatch(text):
             needed = ", whose last part may count frames or hundredths, needed seconds; export the times in seconds"
         elif self.decimal_comma and "." in text and _NUMBER.fullmatch(text):
             needed = " among numbers with a decimal comma, needed one kind; replace one by the other"
         else:
             needed = ", needed a finite number or an empty cell; correct the cell, or empty it"
+            if _HAS_DIGIT.search(text):
+                needed += (
+                    "; if a spreadsheet made a date of a number, import the measured table again with its columns as text, and "
+                    "export that"
+                )
         raise self.error(row.line, column, f"found {quote(text)}{needed}")
 
 
@@ -176,10 +168,7 @@ def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> byte
     except ValueError:
         raise data_error(file, None, "", "cannot be read: this is not a valid file name") from None
     except OSError as error:
-        # YAML takes all behind " #" for a comment
-        cut_off = next((p.name for p in Path(path).parent.glob("* #*") if p.name.startswith(f"{Path(path).name} #")), "")
-        why = f"; in a study, ' #' begins a comment: write the name in quotes, '{cut_off}'" if cut_off else ""
-        raise data_error(file, None, "", f"cannot be read: {error.strerror}{why}") from None
+        raise data_error(file, None, "", f"cannot be read: {error.strerror}") from None
     _refuse_size(file, -(-len(raw) // 1024**2), largest // 1024**2, "MiB")
     return raw
 
@@ -200,7 +189,8 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     """
     text = _decode(raw, file)
     _refuse_size(file, text.count("\n") + text.count("\r"), 2 * MAX_LINES, "lines")
-    numbered = [(n, line.strip("\ufeff")) for n, line in numbered_lines(text)]
+    # Counted as an editor does
+    numbered = [(n, line.strip("\ufeff")) for n, line in enumerate(_LINE_ENDS.split(text), start=1)]
     # A line of tabs may be a row without points, a lone quotation mark is none
     numbered = [(n, line) for n, line in numbered if "\t" in line or line.strip().strip('\ufeff" ')]
     comments = [(n, line.lstrip().lstrip("#%")) for n, line in numbered if line.lstrip().startswith(_COMMENT_SIGNS)]
@@ -226,11 +216,6 @@ def read_text(raw: bytes, file: str, delimiters: Sequence[str] = DELIMITERS) -> 
     return DelimitedText(file=file, delimiter=delimiter, decimal_comma=decimal_comma, comments=titles, lines=table)
 
 
-def numbered_lines(text: str) -> list[tuple[int, str]]:
-    """Return the lines of ``text`` with their numbers, from 1, counted as an editor does."""
-    return list(enumerate(_LINE_ENDS.split(text), start=1))
-
-
 def _split(numbered: Sequence[tuple[int, str]], delimiter: str, file: str = "") -> list[tuple[int, list[str]]]:
     """Return the cells of each line; one with a quoted break goes on in the next lines."""
     lines = (f"{' '.join(line.split()) if delimiter == ' ' else line}\n" for _, line in numbered)
@@ -254,8 +239,6 @@ def _parse_cell(text: str, decimal_comma: bool, has_hundredths: bool = True) -> 
         if abs(value) > LARGEST_NUMBER:
             return text, math.inf
         return plain, 0.0 if abs(value) * LARGEST_NUMBER < 1 else value
-    if _DATE.fullmatch(text):
-        return text, math.inf
     clock = _CLOCK.fullmatch(text)
     if clock is None or (clock[5] and not has_hundredths):
         return text, math.nan if clock is None else math.inf

@@ -49,16 +49,6 @@ class MeasuredEventRow:
     """What one unit of the measured value's last printed digit is worth [SI]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredEventTable:
-    """The measured events of one trial."""
-
-    rows: tuple[MeasuredEventRow, ...]
-    """In the order of the source."""
-    states_errors: bool
-    """Whether it has a column of standard errors."""
-
-
 def data_folders() -> list[Path]:
     """Return the folders that are searched for measured data: $LOOPING_PENDULUM_DATA, then `DEFAULT_DATA_FOLDERS`."""
     folder = os.environ.get(DATA_VARIABLE)
@@ -83,7 +73,7 @@ def find_data(file: str, folders: Path | Sequence[Path] | None = None) -> Path |
     return None
 
 
-def read_event_table(path: Path, sha256: str | None = None) -> MeasuredEventTable:
+def read_event_table(path: Path, sha256: str | None = None) -> tuple[MeasuredEventRow, ...]:
     """Read a file that is an event table, with commas.
 
     Parameters
@@ -117,30 +107,26 @@ def read_events(text: DelimitedText, name: str) -> Observations:
     DataError
         As `event_table`.
     """
-    table = event_table(text)
-    missing = [f"{row.quantity} {row.index}" for row in table.rows if row.measured is None]
-    return Observations(
-        name=name,
-        file=text.file,
-        events=tuple(
-            EventObservation(
-                quantity=row.quantity,
-                index=row.index,
-                value=row.measured,
-                sigma=row.last_digit if row.sigma is None else row.sigma,
-                unit=row.unit,
-            )
-            for row in table.rows
-            if row.measured is not None
-        ),
-        edits=(
-            *([Edit(count=len(missing), reason=f"not measured: {', '.join(missing)}")] if missing else []),
-            *([] if table.states_errors else [Edit(reason="event errors taken as one unit of the last printed digit")]),
-        ),
+    rows = event_table(text)
+    missing = [f"{row.quantity} {row.index}" for row in rows if row.measured is None]
+    edits = [Edit(count=len(missing), reason=f"not measured: {', '.join(missing)}")] if missing else []
+    if any(row.sigma is None for row in rows if row.measured is not None):
+        edits.append(Edit(reason="event errors taken as one unit of the last printed digit"))
+    events = tuple(
+        EventObservation(
+            quantity=row.quantity,
+            index=row.index,
+            value=row.measured,
+            sigma=row.last_digit if row.sigma is None else row.sigma,
+            unit=row.unit,
+        )
+        for row in rows
+        if row.measured is not None
     )
+    return Observations(name=name, file=text.file, events=events, edits=tuple(edits))
 
 
-def event_table(text: DelimitedText) -> MeasuredEventTable:
+def event_table(text: DelimitedText) -> tuple[MeasuredEventRow, ...]:
     """Read an event table of either form, `COLUMNS` or `TIDY_COLUMNS`.
 
     Raises
@@ -166,7 +152,7 @@ def event_table(text: DelimitedText) -> MeasuredEventTable:
             message = f"found {row.quantity} {row.index} again (first on line {first}), needed it once; delete one"
             raise text.error(line.line, "index", message)
         rows.append(row)
-    return MeasuredEventTable(rows=tuple(rows), states_errors=head == TIDY_COLUMNS)
+    return tuple(rows)
 
 
 def _row(text: DelimitedText, line: TableLine, head: tuple[str, ...]) -> MeasuredEventRow:

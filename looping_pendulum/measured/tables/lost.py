@@ -47,7 +47,7 @@ def marked_as_lost(values: Array) -> NDArray[np.bool_]:
         others = np.flatnonzero(left & ~is_there)
         if not (is_there.any() and len(others)):
             continue
-        longest_step = _steps(values[:, others]).max(initial=0.0)
+        longest_step = np.linalg.norm(np.diff(values[:, others], axis=1), axis=0).max(initial=0.0)
         away = np.linalg.norm(values[:, others] - place[:, None], axis=0)
         if is_usual:
             begins_there = len(others) == 1 or away[0] <= longest_step
@@ -72,8 +72,3 @@ def _unusual_marks(points: Array) -> list[Array]:
     places = places[:, may_be]
     away = np.linalg.norm(places - np.median(points, axis=1)[:, None], axis=0)
     return list(places.T[np.argsort(-away, kind="stable")[:MAX_MARKS]])
-
-
-def _steps(values: Array) -> Array:
-    """Return the ways from point to point, shape (n - 1,), of points, shape (k, n)."""
-    return np.asarray(np.linalg.norm(np.diff(values, axis=1), axis=0))

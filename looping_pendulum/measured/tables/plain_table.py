@@ -16,8 +16,13 @@ SAME_DIGITS = 1e-6
 """Largest difference of a number from its printed digits, in units of the last one: what converting a unit adds in floats."""
 
 
-def plain_table(observations: Observations) -> str:
+def plain_table(observations: Observations, decimals: int | None = None) -> str:
     """Return the points of a trial as CSV: names with SI units, times, and a cell for each value and stated error.
+
+    Parameters
+    ----------
+    decimals
+        Of all numbers; None: as many as each channel's last digit says, or as its floats have.
 
     Raises
     ------
@@ -29,11 +34,11 @@ def plain_table(observations: Observations) -> str:
         raise DataError(f"{observations.file}: found no points over time, needed some for a table; events have no such form")
     times = np.unique(np.concatenate([c.t for c in channels]))
     # Rounded times have the digits of their rounding, which `read` takes for their error
-    columns = {"t [s]": _cells(times, math.sqrt(12) * max(c.time_error for c in channels))}
-    known = {f"{c.name} [{c.unit}]": (c, _cells(c.value, c.last_digit)) for c in channels}
+    columns = {"t [s]": _cells(times, math.sqrt(12) * max(c.time_error for c in channels), decimals)}
+    known = {f"{c.name} [{c.unit}]": (c, _cells(c.value, c.last_digit, decimals)) for c in channels}
     # Behind all values, as `track` has them
     known |= {
-        f"{c.name}{ERROR_SUFFIX} [{c.unit}]": (c, _cells(np.interp(c.t, *c.stated_error), 0.0))
+        f"{c.name}{ERROR_SUFFIX} [{c.unit}]": (c, _cells(np.interp(c.t, *c.stated_error), 0.0, decimals))
         for c in channels
         if c.stated_error is not None
     }
@@ -48,8 +53,10 @@ def plain_table(observations: Observations) -> str:
     return text.getvalue()
 
 
-def _cells(values: Array, digit: float) -> list[str]:
+def _cells(values: Array, digit: float, wanted: int | None) -> list[str]:
     """Return numbers with the digits that they had, if the last one of all was worth ``digit``; else with all of a float's."""
+    if wanted is not None:
+        return [f"{v:.{wanted}f}" for v in values]
     decimals = max(-round(math.log10(digit)), 0) if digit > 0 else 0
     cells = [f"{v:.{decimals}f}" for v in values]
     if digit > 0 and np.allclose(np.array(cells, dtype=float), values, rtol=0.0, atol=SAME_DIGITS * digit):

@@ -32,7 +32,6 @@ from looping_pendulum.measured.observations import (
 from looping_pendulum.measured.tables import lost
 from looping_pendulum.measured.tables.columns import checked, counts, read_columns
 from looping_pendulum.measured.tables.delimited import (
-    LARGEST_FILE,
     DelimitedText,
     data_error,
     last_digits,
@@ -48,14 +47,11 @@ from looping_pendulum.measured.tables.forms import (
     si_factor,
     tracked_objects,
     tracks_of,
-    unit_factor,
 )
 from looping_pendulum.measured.tables.names import CLOCK_ROLES, ERROR_SUFFIX, PIXELS, Column
-from looping_pendulum.measured.tables.times import MAX_FRAME_RATE, Sheet, timed_channels
+from looping_pendulum.measured.tables.times import Sheet, timed_channels
 from looping_pendulum.measured.tables.tracker_project import (
     LARGEST_ARCHIVE,
-    TrackerProject,
-    is_named_project,
     is_project,
     read_project,
 )
@@ -128,22 +124,16 @@ def read(
     """
     file = os.fspath(path)
     name = name or Path(path).stem
-    for key, rate in (("frame_rate", frame_rate), ("clip_rate", clip_rate)):
-        if rate is not None and not (0 < rate <= MAX_FRAME_RATE):
-            needed = f"needed a number above 0 and at most {MAX_FRAME_RATE:g}"
-            raise data_error(file, None, "", f"{key}: found {rate:g} Hz, {needed}")
     notes = ReadingNotes()
     stated = Stated(kind=kind, units=units or {}, plane=plane, box=box, frame_rate=frame_rate, clip_rate=clip_rate)
     parsed = _parsed(path, file) if content is None else read_text(content.encode(), file)
     if proposes:
         tracks, stated = _proposals(parsed, tracks, stated, notes)
-    if isinstance(parsed, TrackerProject):
-        sheets = _project_sheets(parsed, file, tracks, stated.units, notes)
-    elif kind == "events" or (kind == "auto" and is_event_table(parsed)):
+    if kind == "events" or (kind == "auto" and is_event_table(parsed)):
         return read_events(parsed, name)
-    else:
-        columns = _of_one_run(parsed, read_columns(parsed, kind, list((tracks or {}).values()), notes), run)
-        sheets = _sheets(parsed, columns, tracks, stated, notes)
+    notes.assumptions += parsed.notes
+    columns = _of_one_run(parsed, read_columns(parsed, kind, list((tracks or {}).values()), notes), run)
+    sheets = _sheets(parsed, columns, tracks, stated, notes)
     for sheet in sheets:
         _refuse_implausible_values(sheet)
     channels = timed_channels(sheets, stated, notes)
@@ -156,15 +146,15 @@ def read(
         edits=notes.edits(),
         camera_errors=notes.camera_errors,
         tracks=notes.tracks,
-        length_unit=notes.length_unit,
+        length_unit=next((c.unit for c in columns if c.is_length and c.unit), ""),
     )
 
 
-def _parsed(path: str | Path, file: str) -> TrackerProject | DelimitedText:
-    """Return the content of a file: a project of Tracker, by its name or content, or a text table."""
-    # A project may hold the film
-    raw = read_bytes(path, file, LARGEST_ARCHIVE if is_named_project(file) else LARGEST_FILE)
-    return read_project(raw, file) if is_named_project(file) or is_project(raw) else read_text(raw, file)
+def _parsed(path: str | Path, file: str) -> DelimitedText:
+    """Return the table in a file, which is a project of Tracker, by its name, or a text."""
+    if is_project(file):
+        return read_project(read_bytes(path, file, LARGEST_ARCHIVE), file)  # it may hold the film
+    return read_text(read_bytes(path, file), file)
 
 
 def _of_one_run(text: DelimitedText, columns: list[Column], run: str | None) -> list[Column]:
@@ -204,7 +194,6 @@ def _sheets(
         _refuse_times_as_places(text, objects)
     masses = _mass_of_track(text.file, tracks_of(objects) if has_places else [], tracks)
     notes.tracks = {mass: track for track, mass in masses.items()}
-    notes.length_unit = next((c.unit for c in columns if c.is_length and c.unit), "")
     parts = [(own, thing.track) for thing in objects for role in wanted if (own := thing.with_role(role))]
     parts.sort(key=lambda part: part[0][0].index)
     if has_places or any(track in masses for _, track in parts):
@@ -325,8 +314,6 @@ def _in_si(
 ) -> Column:
     """Return a column with the size of its unit, its last digit, and its errors; a unit that is assumed is said."""
     factor = si_factor(text, checked(text, column), UNITS[name], units)
-    if not column.has_values.any():
-        raise text.error(None, column.label, f"found no values at all, needed {name}; export that track again")
     error = _stated_error(text, column, name, columns, units)
     read = replace(column, factor=factor, digit=column.digit or max(last_digits(column.cells)), error=error)
     if column.unit:
@@ -418,43 +405,15 @@ def _mass_of_track(file: str, have: Sequence[Track], tracks: Mapping[str, str] |
         if names and not masses:
             raise data_error(file, None, "", f"{found}, needed to know which mass each is", by_motion)
         return masses
-    if len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()) and set(tracks) <= set(MASSES):
+    if len(names) == 1 and len(tracks) == 1 and "" in (*names, *tracks.values()):
         return {names[0]: next(iter(tracks))}
-    unknown = [mass for mass in tracks if mass not in MASSES]
     missing = [track for track in tracks.values() if track not in names]
-    if unknown:
-        raise data_error(file, None, "", f"tracks: found {quote(unknown[0])}, needed 'light' or 'heavy'")
     if len(set(tracks.values())) < len(tracks):
         message = f"tracks: found {quote(next(iter(tracks.values())))} for both masses, needed one for each"
         raise data_error(file, None, "", message)
     if missing and names:
         raise data_error(file, None, "", f"{found}, needed {quote(missing[0])}", by_motion)
     return {track: mass for mass, track in tracks.items()}
-
-
-def _project_sheets(
-    project: TrackerProject, file: str, tracks: Mapping[str, str] | None, units: Mapping[str, str], notes: ReadingNotes
-) -> list[Sheet]:
-    """Return the channels of a project of Tracker."""
-    notes.assumptions += project.notes
-    factor = unit_factor(file, None, "", project.length_unit, "m", units)
-    masses = _mass_of_track(file, project.tracks, tracks)
-    notes.tracks = {mass: track for track, mass in masses.items()}
-    notes.length_unit = "" if project.length_unit in PIXELS else project.length_unit
-    sheets = []
-    for track in project.tracks:
-        if track.name not in masses:
-            notes.unused[f"track {track.name!r}: not asked for"] += 2 * len(track.frame)
-            continue
-        none = np.zeros(len(track.frame))
-        channels = {
-            f"{masses[track.name]}_{axis}": Column(label=f"{axis} ({track.name})", value=value, factor=factor)
-            for axis, value in (("x", track.x), ("y", track.y))
-        }
-        time = project.frame_time[track.frame]
-        frame = track.frame.astype(float)
-        sheets.append(Sheet(file=file, clock="t", lines=track.frame, time=time, rounding=none, frame=frame, channels=channels))
-    return sheets
 
 
 def _refuse_implausible_values(sheet: Sheet) -> None:
@@ -530,12 +489,8 @@ def survey(path: str | Path) -> FileSurvey:
     return _surveyed(_parsed(path, os.fspath(path)), (), Stated())
 
 
-def _surveyed(content: TrackerProject | DelimitedText, tracks: Sequence[str], stated: Stated) -> FileSurvey:
+def _surveyed(content: DelimitedText, tracks: Sequence[str], stated: Stated) -> FileSurvey:
     """Return what a file says of itself; ``tracks`` are those that are asked for."""
-    if isinstance(content, TrackerProject):
-        step = typical_step(np.unique(np.concatenate([content.frame_time[t.frame] for t in content.tracks])))
-        unit = "" if content.length_unit in PIXELS else content.length_unit
-        return FileSurvey(kind="positions", tracks=content.tracks, time_step=step, length_unit=unit)
     if is_event_table(content):
         return FileSurvey(kind="events")
     try:
@@ -575,7 +530,7 @@ def _proposed_time(text: DelimitedText, columns: Sequence[Column]) -> tuple[floa
 
 
 def _proposals(
-    content: TrackerProject | DelimitedText, tracks: Mapping[str, str] | None, stated: Stated, notes: ReadingNotes
+    content: DelimitedText, tracks: Mapping[str, str] | None, stated: Stated, notes: ReadingNotes
 ) -> tuple[Mapping[str, str], Stated]:
     """Return tracks and what is stated, with what a survey proposes where nothing is."""
     found = _surveyed(content, list((tracks or {}).values()), stated)

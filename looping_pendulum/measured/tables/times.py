@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from looping_pendulum.errors import WayOut
 from looping_pendulum.measured.clock import EXACT, MAX_TIME_STEP, RATE_TOLERANCE, are_milliseconds, frame_grid, typical_step
-from looping_pendulum.measured.observations import UNITS, Channel, DataError, ReadingNotes, value_range
+from looping_pendulum.measured.observations import Channel, DataError, ReadingNotes
 from looping_pendulum.measured.tables.delimited import data_error
 from looping_pendulum.measured.tables.forms import Stated
 from looping_pendulum.measured.tables.names import Column
@@ -31,16 +31,10 @@ OTHER_UNITS = {
 """Units that times without one may be in where seconds are impossible -> size [s] and words."""
 LIKELY_STEPS = (1 / 1000, 1 / 15)
 """Smallest and largest time between rows by which one of these units is recognised [s]."""
-MAX_SPEED = 20.0
-"""Largest plausible speed of a mass at the beginning of a record [m/s]."""
-MAX_ACCELERATION = 1000.0
-"""Largest plausible mean acceleration [m/s^2]: that of a light mass that a hundred times heavier one pulls."""
 DAY = 86400.0
 """Times that begin later are those of a calendar [s]."""
 MIN_ROUNDED = 10
 """Smallest number of rows whose times are looked at for rounding."""
-MIN_ROWS = 24
-"""Smallest number of rows whose way is compared with what a mass can go."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,12 +226,6 @@ def _clock_factor(file_rate: float | None, stated: Stated, notes: ReadingNotes) 
 def _refuse_impossible_times(sheet: Sheet, step: float, frame_rate: float | None) -> None:
     """Refuse times that no film in seconds has, and say in which unit they may be."""
     duration = float(sheet.time[-1] - sheet.time[0])
-    lengths = [c.value[c.has_values] * c.factor for name, c in sheet.channels.items() if UNITS[name] == "m"]
-    way = max(map(value_range, lengths), default=0.0)
-
-    def can_be(duration: float) -> bool:
-        return way <= MAX_SPEED * duration + 0.5 * MAX_ACCELERATION * duration**2
-
     if frame_rate is None and step > MAX_TIME_STEP:
         found = f"found a row every {step:g} s, needed many a second"
     elif 0 < step * MAX_FRAME_RATE < 1:
@@ -245,12 +233,10 @@ def _refuse_impossible_times(sheet: Sheet, step: float, frame_rate: float | None
     elif step and duration > MAX_FRAMES * step:
         found = f"found rows every {step:.3g} s in {duration:.3g} s, needed at most {MAX_FRAMES} of one trial"
         raise sheet.error(0, f"{found}; cut the file to the trial's frames")
-    elif not sheet.has_unit and frame_rate is None and len(sheet.time) >= MIN_ROWS and not can_be(duration):
-        found = f"found a way of {way:.3g} m in {duration:.3g} s, which no mass goes, needed times in seconds"
     else:
         return
     low, high = LIKELY_STEPS
-    units = (u for u, (size, _) in OTHER_UNITS.items() if low <= step * size <= high and can_be(duration * size))
+    units = (u for u, (size, _) in OTHER_UNITS.items() if low <= step * size <= high)
     unit = None if sheet.has_unit else next(units, None)
     if unit is None:
         raise sheet.error(0, f"{found}; correct the times or their unit, or export them in seconds")

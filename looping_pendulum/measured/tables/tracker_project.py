@@ -1,4 +1,4 @@
-"""Read project files of Tracker, the video analysis program of Open Source Physics (OSP), into tracked points.
+"""Read project files of Tracker, the video analysis program of Open Source Physics (OSP), as tables.
 
 A `.trk` is XML in which OSP's `XMLControlElement` wrote objects with named properties. A `.trz` is a zip archive with one
 `.trk`, beside films and pages. What the numbers mean was read in the Java sources of Tracker and OSP, whose classes are
@@ -20,8 +20,8 @@ import numpy as np
 from defusedxml import DefusedXmlException, ElementTree  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
-from looping_pendulum.measured.observations import DataError, Track
-from looping_pendulum.measured.tables.delimited import data_error
+from looping_pendulum.measured.observations import DataError
+from looping_pendulum.measured.tables.delimited import DelimitedText, TableLine, data_error
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.scenarios.document import quote
 
@@ -33,8 +33,6 @@ MAX_TAGS = 1_000_000
 """Largest number of tags in a `.trk`: each takes some 300 bytes of memory, so that a small file could take very much."""
 MAX_FRAMES = 300_000
 """Largest number of frames of a film, as in Tracker (`VideoClip`)."""
-MAX_PIXEL = 1e6
-"""Largest plausible distance from the picture's corner [pixels]."""
 MAX_NUMBER = 1e12
 """Largest plausible value of any other number, whatever its unit."""
 MIN_SCALE = 1e-9
@@ -45,8 +43,6 @@ STRETCH_TOLERANCE = 1e-3
 """Relative difference of two frame durations that are the same; the film's frame times are rounded to 1 us."""
 
 _TRACKER = "org.opensourcephysics.cabrillo.tracker."
-# Bytes at the start of a file by which it is recognised; the root's class is in the second line
-_SNIFFED = 4096
 _ZIP_START = b"PK\x03\x04"
 # What `zipfile` raises for a damaged archive; `BadZipFile` is an Exception of its own
 _ZIP_FAULTS = (zipfile.BadZipFile, zlib.error, RuntimeError, EOFError, OSError, ValueError)
@@ -60,50 +56,20 @@ _OTHER_TRACKS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ProjectTrack(Track):
-    """One tracked point mass, with positions in the project's axes [`TrackerProject.length_unit`]."""
-
-    frame: NDArray[np.intp]
-    """Numbers of the film's frames, from 0, ascending, shape (n,)."""
+DIGITS = 12
+"""Digits of the numbers in the table that is made of a project."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TrackerProject:
-    """What a project says about the motion in its film."""
-
-    tracks: tuple[ProjectTrack, ...]
-    """Point masses that have points, in the order of the file."""
-    frame_time: Array
-    """Times of the film's frames 0 ... N by the project's clock, as Tracker shows them [s], shape (N + 1,).
-
-    Every tracked frame has one. The clip's first frame has the clip's start time, 0 unless the user changed it.
-    """
-    length_unit: str
-    """Unit of the positions as the project names it, "m" if it names none; "px" if the project is not calibrated."""
-    notes: tuple[str, ...]
-    """Sentences about what was used and what was left out."""
-
-
-def is_named_project(file: str) -> bool:
-    """Return whether a file's name says that it is a project."""
+def is_project(file: str) -> bool:
+    """Return whether a file is a project, by its name."""
     return file.lower().endswith((".trk", ".trz"))
 
 
-def is_project(raw: bytes) -> bool:
-    """Return whether the content of a file looks like XML of OSP or like a zip archive with a `.trk`."""
-    if raw.startswith(_ZIP_START):
-        try:
-            with zipfile.ZipFile(io.BytesIO(raw)) as archive:
-                return bool(_members(archive))
-        except _ZIP_FAULTS:
-            return False
-    start = raw[:_SNIFFED].removeprefix(b"\xef\xbb\xbf").lstrip()
-    return start.startswith(b"<") and b"org.opensourcephysics" in start
+def read_project(raw: bytes, file: str) -> DelimitedText:
+    """Return the points in a `.trk` or a `.trz` as a table, one object's below the other's: object, time, frame, x and y.
 
-
-def read_project(raw: bytes, file: str) -> TrackerProject:
-    """Read the content of a `.trk` or a `.trz`.
+    Positions are in the project's axes and its unit of length, in pixels if it is not calibrated. Times are those that Tracker
+    shows: the clip's first frame has the clip's start time, 0 unless the user changed it.
 
     Raises
     ------
@@ -121,12 +87,14 @@ def read_project(raw: bytes, file: str) -> TrackerProject:
         notes.append("The project is not calibrated: positions are in pixels.")
     if clip.step > 1:
         notes.append(f"The project's step size is {clip.step} frames.")
-    return TrackerProject(
-        tracks=tuple(tracks),
-        frame_time=_frame_times(panel, clip, max(int(track.frame[-1]) for track in tracks), notes),
-        length_unit=(panel.text("length_unit") or "m") if is_calibrated else "px",
-        notes=tuple(notes),
-    )
+    time = _frame_times(panel, clip, max(int(frame[-1]) for frame, _ in tracks.values()), notes)
+    unit = (panel.text("length_unit") or "m") if is_calibrated else "px"
+    lines = [TableLine(line=1, cells=("object", "t [s]", "frame", f"x [{unit}]", f"y [{unit}]"), values=(math.nan,) * 5)]
+    for name, (frame, place) in tracks.items():
+        for row in zip(time[frame].tolist(), frame.tolist(), *place.tolist(), strict=True):
+            cells = (name, *(f"{value:.{DIGITS}g}" for value in row))
+            lines.append(TableLine(line=len(lines) + 1, cells=cells, values=(math.nan, *row)))
+    return DelimitedText(file=file, delimiter=",", decimal_comma=False, comments=(), lines=lines, notes=tuple(notes))
 
 
 def _unpack(raw: bytes, file: str) -> bytes:
@@ -280,9 +248,9 @@ def _positions(axes: Array, pixel: Array) -> Array:
     return np.array([cos * right + sin * up, cos * up - sin * right])
 
 
-def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> list[ProjectTrack]:
-    """Return the point masses that have points in the clip; note what was left out."""
-    tracks: dict[str, ProjectTrack] = {}
+def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> dict[str, tuple[NDArray[np.intp], Array]]:
+    """Return the point masses with points in the clip: name -> frames and positions, shape (2, n); note what was left out."""
+    tracks: dict[str, tuple[NDArray[np.intp], Array]] = {}
     others = []
     for element in panel.element.findall("property[@name='tracks']/property/object"):
         track = _Object(element=element, file=panel.file)
@@ -297,14 +265,13 @@ def _tracks(panel: _Object, clip: _Clip, axes: Array, notes: list[str]) -> list[
             continue
         if name in tracks:
             raise panel.error(f"found two tracks named {quote(name)}, needed different names; rename one in Tracker")
-        x, y = _positions(axes, pixel)
-        tracks[name] = ProjectTrack(name=name, frame=frame, x=x, y=y)
+        tracks[name] = frame, _positions(axes, pixel)
     if not tracks:
         instead = f" but {', '.join(others[:5])}" if others else ""
         raise panel.error(f"found no point mass with points{instead}, needed one; track it in Tracker and save again")
     if others:
         notes.append(f"Tracks that were left out: {', '.join(others)}.")
-    return list(tracks.values())
+    return tracks
 
 
 def _points(track: _Object, name: str, clip: _Clip, notes: list[str]) -> tuple[NDArray[np.intp], Array]:
@@ -312,16 +279,12 @@ def _points(track: _Object, name: str, clip: _Clip, notes: list[str]) -> tuple[N
     points = track.array("framedata")
     pixel = np.array([[point.number(axis, largest=math.inf) for axis in "xy"] for point in points.values()]).reshape(-1, 2).T
     frame = np.array(list(points), dtype=np.intp)
-    # Not a number: this frame has no mark
-    marked = ~np.isnan(pixel).any(axis=0)
+    # Not a number, or infinite: this frame has no mark
+    marked = np.isfinite(pixel).all(axis=0)
     inside = marked & (frame >= clip.start) & (frame <= clip.end)
     if np.any(inside < marked):
         where = f"outside the project's clip (frames {clip.start} to {clip.end})"
         notes.append(f"Points of {quote(name)} {where} were left out: {np.count_nonzero(inside < marked)}.")
-    far = frame[inside & np.any(np.abs(pixel) > MAX_PIXEL, axis=0)]
-    if far.size:
-        where = f"beyond {MAX_PIXEL:g} pixels at frame {far[0]}"
-        raise track.error(f"found a point of {quote(name)} {where}, needed one near the picture; mark it again")
     return frame[inside], pixel[:, inside]
 
 

@@ -70,5 +70,5 @@ def write_study(folder: Path, trials: list[tuple[str, float, float]], hanging: s
 def tracked_study(path: Path) -> Study:
     """Load a study, and track its films, as `identify --track` does."""
     study = load(path)
-    settle_films(study, track=True, keep=False)
+    settle_films(study, track=True)
     return study

@@ -51,7 +51,7 @@ class Filmed:
         self.fall = fall_of(rows, self.t, float(slope), float(offset), first, first + 80)
         self.points = [
             Points(frame=k, place=p, error=np.full(p.shape, noise), counted_error=np.full(p.shape, noise),
-                   streak=np.zeros(len(k)), radius=7.0)
+                   radius=7.0)
             for k, p in ((frames[seen], light[seen]), (frames, heavy))
         ]  # fmt: skip
 

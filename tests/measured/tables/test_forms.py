@@ -165,7 +165,6 @@ def test_advice_that_is_followed_leads_to_points(clip, form):
         ("x and z", "plane", "if these are its axes, to the right and up, write 'plane: xz'"),
         ("z and y", "plane", "write 'plane: zy'"),
         ("fractions of a day", "units", "fractions of a day, as spreadsheets have them, say so: 'units: {time: day}'"),
-        ("minutes", "units", "needed times in seconds; if times are in minutes, say so: 'units: {time: min}'"),
         ("polar, degrees without a unit", "units", "if the file is in another unit, say so: 'units: {angle: deg}'"),
     ],
 )  # fmt: skip
@@ -224,7 +223,7 @@ def test_a_mark_in_a_lone_column(clip):
 )
 def test_a_number_that_a_spreadsheet_turned_into_a_date_names_its_cause(clip, date):
     path = clip(f"t,light_x [cm]\n0,8.05\n0.01,{date}\n0.02,8.11\n")
-    said = rf":3: column light_x \[cm\]: found '{date}', a date that a spreadsheet made of a number.*; or empty the cell"
+    said = rf":3: column light_x \[cm\]: found '{date}', needed a finite number .* empty it; if a spreadsheet made a date of a"
     with pytest.raises(DataError, match=said):
         read(path)
     path = clip("t,light_x [cm]\n0,8.05\n0.01,\n0.02,8.11\n")

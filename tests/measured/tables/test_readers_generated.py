@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from looping_pendulum.measured.observations import Observations, with_event_errors
 from looping_pendulum.measured.tables.readers import DataError, read
 from tests.discrepancy.real_data import real
 
@@ -139,7 +138,3 @@ def test_the_papers_tables():
     assert ten.unused[0].count == 3
     two = read(real("paper/trial_2to1.csv"))
     assert {e.quantity: (e.value, e.sigma) for e in two.events}["halting_time"] == (1.0, 0.1)  # printed as 1.0
-    better = with_event_errors(two, {"s": 0.008})
-    assert {e.sigma for e in better.events if e.unit == "s"} == {0.008}
-    assert {e.sigma for e in better.events if e.unit == "m"} == {0.01}
-    assert isinstance(better, Observations)

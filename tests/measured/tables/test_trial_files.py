@@ -167,7 +167,7 @@ HEAD = "quantity,index,measured,paper_numerical,unit\n"
 def test_reads_rows_in_si(clip):
     rows = read_event_table(
         clip(f"# comment\n{HEAD}\nx1_extremum,2,0.52,0.53,s\ndrop,1,37,,cm\nwrap_angle_at_halt,1,,4.738,rad\n")
-    ).rows
+    )
     assert [(r.quantity, r.index, r.measured, r.paper_numerical, r.unit) for r in rows] == [
         ("x1_extremum", 2, 0.52, 0.53, "s"),
         ("drop", 1, 0.37, None, "m"),
@@ -205,7 +205,7 @@ def test_a_faulty_table_gives_its_line(clip, text, message):
 def test_checksum_must_agree(clip):
     path = clip(f"{HEAD}halt,1,0.4,0.38,s\n")
     right = hashlib.sha256(path.read_bytes()).hexdigest()
-    assert len(read_event_table(path, right.upper()).rows) == 1
+    assert len(read_event_table(path, right.upper())) == 1
     with pytest.raises(DataError, match="found SHA-256 .*, needed 000000000000"):
         read_event_table(path, "0" * 64)
 
