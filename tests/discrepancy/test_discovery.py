@@ -103,18 +103,20 @@ def thrust_study(tmp_path_factory):
 
 
 def laws_of(path):
-    """Return (log odds but for the prior of all laws, law) beside the declared model's fit, the most probable first."""
-    inputs = read_inputs(load(path))
-    base = refit_with_estimated_noise(calibrate(inputs.problem()))
-    grid = NoiseGrid(base.problem.data)
-    found = laws_beside(base, grid, 0, raw(base)).all()
-    return sorted(((law.log_bayes_factor + log_share(law.closure), law) for law in found), key=lambda one: -one[0])
+    """Return all laws beside the declared model's fit, by the linear model."""
+    base = refit_with_estimated_noise(calibrate(read_inputs(load(path)).problem()))
+    return laws_beside(base, NoiseGrid(base.problem.data), 0, raw(base))
+
+
+def most_probable(laws):
+    """Return (log odds but for the prior of all laws, law) of the most probable one."""
+    return max(((law.log_bayes_factor + log_share(law.closure), law) for law in laws.all()), key=lambda one: one[0])
 
 
 @pytest.mark.long
 def test_no_law_is_more_probable_than_none_on_clean_data(tmp_path):
     """Oracle: data in which nothing is hidden."""
-    assert laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"]))[0][0] < 0
+    assert most_probable(laws_of(write_study(tmp_path, CLEAN, 5, trials=["ten_a"])))[0] < 0
 
 
 @pytest.mark.parametrize(
@@ -125,13 +127,16 @@ def test_the_linear_model_names_what_a_law_acts_on_and_depends_on(tmp_path, thru
 
     Without a fit to the trajectories.
     """
-    log_odds, best = laws_of(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1))[0]
+    laws = laws_of(thrust_study if name == "thrust" else write_study(tmp_path, CASES[name], 1))
+    log_odds, best = most_probable(laws)
     target, coordinate = PLANTED_LAWS[name]
     assert (body_of(best.closure.target), best.closure.coordinate) == (body_of(target), coordinate)
     assert log_odds > 5 * DECISIVE
     if best.closure.point is not None:
         place = {"magnet": Effects.magnet_place, "pull": Effects.pull_place}[name]
-        assert math.dist(best.closure.point, place) < Effects.magnet_range
+        # Its gains are right to a twentieth, and other points may gain as much: fits to the trajectories decide
+        there = laws.law(laws.runs.closure(best.closure.target, "distance", point=place))
+        assert there.log_bayes_factor > 0.95 * best.log_bayes_factor
 
 
 def recovered(shape, values, closure, *, error=2e-4):
@@ -210,13 +215,17 @@ def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
 
 
 @pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.accurate) for n in ("mixed-0018", "mixed-0035")]
-    + [pytest.param("mixed-0046", marks=pytest.mark.long)],
+    ("seed", "name"),
+    [
+        pytest.param(98, "mixed-0018", marks=pytest.mark.accurate),
+        pytest.param(98, "mixed-0035", marks=pytest.mark.accurate),
+        pytest.param(98, "mixed-0046", marks=pytest.mark.long),
+        pytest.param(99, "mixed-0032", marks=pytest.mark.accurate),
+    ],
 )
-def test_an_effect_that_is_no_good_alone_is_found_beside_its_law(tmp_path, name):
-    """Each was fitted late or never: 11 to 30 nats above what was named instead."""
-    study = next(s for s in draw("mixed", COUNTS["mixed"], 98) if s.name == name)
+def test_an_effect_that_is_no_good_alone_is_found_beside_its_law(tmp_path, seed, name):
+    """Each was fitted from elsewhere or never: 11 to 31 nats above what was named instead."""
+    study = next(s for s in draw("mixed", COUNTS["mixed"], seed) if s.name == name)
     result = identify(load(write_files(study, tmp_path)))
     assert truth(study.hidden) in map(parts_of, result.credible), result.sentence
 

@@ -299,7 +299,8 @@ class Search:
         said = max(self.proposed.get(a.key, (-math.inf, 0.0)), (a.parent.log_z, a.log_posterior + LINEAR_ERROR * missing))
         self.proposed[a.key] = said
         best_part = max((e.log_posterior for key, e in self.fitted.items() if key < a.key), default=-math.inf)
-        return said[1] > max(self.best.log_posterior - MARGIN, best_part)
+        # That parent may be in another minimum, as a law is whose point lies elsewhere
+        return max(said[1], a.log_posterior) > max(self.best.log_posterior - MARGIN, best_part)
 
     def _templates_beside(self, e: Explanation) -> list[Template]:
         """Return the templates of the effects that may be added; finite changes are those beside nothing."""
