@@ -170,9 +170,9 @@ class Search:
         Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
         which it adds something; while it is not, of every kind, and what leaves least by white noise as well.
         """
-        found, best = self._near_best(), self.best
+        found, best, is_settled = self._near_best(), self.best, self.settled
         for of_kind in self._by_kind():
-            if not self.settled:
+            if not is_settled:
                 # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
                 found += [*of_kind[:BEAM], *sorted(of_kind, key=lambda e: e.fit.cost)[:BEAM]]
             elif len(of_kind[0].key) < len(best.key):
