@@ -9,7 +9,7 @@ import typer
 from looping_pendulum.cli import common
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import say, show_json, show_table
-from looping_pendulum.engines import Profile
+from looping_pendulum.engines import MEMORY_LIMIT, Profile
 from looping_pendulum.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def check(
     engine: common.EngineNames = None,
     profile: common.ProfileName = Profile.QUICK,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,

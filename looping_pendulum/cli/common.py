@@ -107,8 +107,6 @@ MemoryLimit = Annotated[
         help="Stop an engine's run that uses more memory, and keep its samples.",
     ),
 ]
-MEMORY_LIMIT = 2 * 1024**3
-"""Default limit on the memory of an engine's run [bytes]."""
 MAX_JOBS = 1024
 """Largest value of --jobs; above it a number is a mistake, as no machine has as many cores."""
 Jobs = Annotated[

@@ -10,7 +10,7 @@ import typer
 from looping_pendulum.cli import common
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, say, say_prose, show_json, show_table
-from looping_pendulum.engines import Profile
+from looping_pendulum.engines import MEMORY_LIMIT, Profile
 
 
 def converge(
@@ -30,7 +30,7 @@ def converge(
         ),
     ] = None,
     time_limit: common.TimeLimit = 3600.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,

@@ -26,7 +26,7 @@ from looping_pendulum.cli.teaching import demo, demonstrations, init, live, trac
 from looping_pendulum.cli.terminal import ProgressBars, reset_output, say, say_file, say_prose, show_json, show_table
 from looping_pendulum.cli.track import track
 from looping_pendulum.cli.usage import App
-from looping_pendulum.engines import Profile
+from looping_pendulum.engines import MEMORY_LIMIT, Profile
 from looping_pendulum.errors import HarnessError, one_line, shorten
 
 if TYPE_CHECKING:
@@ -156,7 +156,7 @@ def run(
         Path | None, typer.Option(metavar="DIR", help="Write the trajectories as CSV files into this folder.")
     ] = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     jobs: common.Jobs = None,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
@@ -260,7 +260,7 @@ def compare(
     marks: common.MarksFiles = None,
     marks_set: common.MarksSettings = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     jobs: common.Jobs = None,
     baseline: Annotated[
         Path | None, typer.Option(metavar="RESULT.json", help="List what changed since this earlier result (file or folder).")

@@ -14,6 +14,7 @@ import typer
 from looping_pendulum.cli import common
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.terminal import ProgressBars, note, say, say_file, say_prose, show_json, show_table
+from looping_pendulum.engines import MEMORY_LIMIT
 
 if TYPE_CHECKING:
     from looping_pendulum.sweep.map_file import MapPlan
@@ -67,7 +68,7 @@ def map_(
         int | None, typer.Option(metavar="N", min=1, help="Refuse a map of more runs; default: 20 million, 20 000 of engines.")
     ] = None,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     as_json: common.AsJson = False,
     quiet: common.Quiet = False,
 ) -> None:

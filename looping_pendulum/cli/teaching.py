@@ -11,7 +11,7 @@ from looping_pendulum.cli import common
 from looping_pendulum.cli.file_kinds import takes
 from looping_pendulum.cli.quantities import quantity
 from looping_pendulum.cli.terminal import ProgressBars, note, say
-from looping_pendulum.engines import Profile
+from looping_pendulum.engines import MEMORY_LIMIT, Profile
 from looping_pendulum.installation import command_line, quoted
 
 EXAMPLE_FOLDER = Path("looping-pendulum-example")
@@ -34,7 +34,7 @@ def demo(
     force: common.Force = False,
     again: Annotated[bool, typer.Option("--again", help="Run the engines even if DIR has their results.")] = False,
     time_limit: common.TimeLimit = 900.0,
-    memory_limit: common.MemoryLimit = common.MEMORY_LIMIT,
+    memory_limit: common.MemoryLimit = MEMORY_LIMIT,
     jobs: common.Jobs = None,
 ) -> None:
     """Animate the reference and all engines together, on the page of `live`, which works offline.

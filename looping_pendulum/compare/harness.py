@@ -10,7 +10,8 @@ from looping_pendulum.compare.comparison import compare, with_trial
 from looping_pendulum.compare.result import ComparisonResult
 from looping_pendulum.compare.run_cache import run_key
 from looping_pendulum.compare.trial import MeasuredTrial
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT, Progress, run_all
+from looping_pendulum.engines import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import TIME_LIMIT, Progress, run_all
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import expand_tolerances, label, main_engines, select

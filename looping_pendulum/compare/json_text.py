@@ -15,7 +15,7 @@ from pydantic import ConfigDict, PlainValidator, TypeAdapter, ValidationError, W
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import from_json
 
-from looping_pendulum.errors import ResultError, one_line
+from looping_pendulum.errors import ResultError
 from looping_pendulum.files import read_file, utf8
 from looping_pendulum.installation import command_line
 from looping_pendulum.reference_ode.parameters import Parameters, parameters_from
@@ -151,7 +151,7 @@ class JsonResult:
             first = error.errors(include_url=False)[0]
             where = ".".join(map(str, first["loc"])) or "the file"
             what = f"found {quote(first['input'])}; {first['msg'][:1].lower()}{first['msg'][1:]}"
-            raise ResultError(one_line(f"{file}: not as documented: {where}: {what}; {cls._hint()}")) from None
+            raise ResultError(f"{file}: not as documented: {where}: {what}; {cls._hint()}") from None
 
     @classmethod
     def read(cls, path: Path) -> Self:

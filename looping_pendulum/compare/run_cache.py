@@ -16,7 +16,8 @@ from pathlib import Path
 
 from looping_pendulum import __version__
 from looping_pendulum.compare.json_text import plain
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
+from looping_pendulum.engines import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import label
 from looping_pendulum.files import file_stem, write_atomically

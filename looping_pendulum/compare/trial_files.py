@@ -22,7 +22,7 @@ from looping_pendulum.measured.study import Trial, read_files
 from looping_pendulum.measured.tables.events import MeasuredEventRow
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.runs.trajectory import SAME_TIME
-from looping_pendulum.scenarios.document import Document, one_line, quote
+from looping_pendulum.scenarios.document import Document, quote
 from looping_pendulum.scenarios.fields import suggest
 
 OPTION = "--marks-set"
@@ -154,10 +154,10 @@ def settings_by_key(settings: Sequence[str], option: str, keys: Sequence[str]) -
         key, equals, value = (part.strip() for part in text.partition("="))
         if not (key and equals and value):
             message = f"{option}: found {quote(text)}, needed KEY=VALUE; write for example 'frame_rate=240 Hz'"
-            raise DataError(one_line(message))
+            raise DataError(message)
         if key.partition(".")[0] not in keys:
             message = f"{option}: found the key {quote(key)}, needed one of: {', '.join(keys)}{suggest(key, keys)}"
-            raise DataError(one_line(message))
+            raise DataError(message)
         given[key] = value
     return given
 

@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
+from looping_pendulum.engines import MEMORY_LIMIT
 from looping_pendulum.engines.protocol import Engine, known_fields
 from looping_pendulum.engines.registry import how_to_get, missing_packages
 from looping_pendulum.engines.worker import FAILURE, JOB, WORKER, simulate
@@ -40,11 +41,6 @@ from looping_pendulum.scenarios.scenario import Scenario
 
 TIME_LIMIT = 900.0
 """Default time limit of one run [s]."""
-MEMORY_LIMIT = 2 * 1024**3
-"""Default limit on the memory of one run, with all processes that it starts [bytes].
-
-Runs of the shipped adapters were measured to take 35 to 141 MiB.
-"""
 
 NO_SAMPLES = np.empty((0, len(COLUMNS)))
 """Rows of a run that has none."""

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from looping_pendulum.errors import FileKeyError, ScenarioError, one_line
+from looping_pendulum.errors import FileKeyError, ScenarioError
 from looping_pendulum.measured.study_file import PLACES
 from looping_pendulum.scenarios.document import Document, key_text
 from looping_pendulum.scenarios.fields import read_model, suggest, undescribed_schema
@@ -70,7 +70,7 @@ def read_keywords(
     for name, value in keywords.items():
         if name not in known:
             hint = suggest(name, known) or f", needed one of: {', '.join(known)}"
-            raise StudyError(one_line(f"{label}: found an unknown keyword '{name}'{hint}"), (name,))
+            raise StudyError(f"{label}: found an unknown keyword '{name}'{hint}", (name,))
         *outer, last = places.get(name, (name,))
         group = data
         for key in outer:
@@ -117,7 +117,7 @@ def table_text(points: Any, label: str) -> str:
     shapes = {values.shape for values in columns.values()}
     if len(shapes) != 1 or len(shapes.pop()) != 1:
         found = ", ".join(f"{name} {values.shape}" for name, values in columns.items()) or "no columns"
-        raise StudyError(one_line(f"{label}: points: found the shapes {found}, needed columns of one length, (n,)"))
+        raise StudyError(f"{label}: points: found the shapes {found}, needed columns of one length, (n,)")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)

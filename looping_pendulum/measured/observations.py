@@ -45,7 +45,7 @@ class DataError(HarnessError, ValueError):
     """
 
     def __init__(self, problem: str, way_out: WayOut | None = None) -> None:
-        super().__init__(one_line(f"{problem}; {way_out.in_file()}") if way_out else problem)
+        super().__init__(f"{problem}; {way_out.in_file()}" if way_out else problem)
         self.problem = problem
         """Where, what was found and what was needed."""
         self.way_out = way_out

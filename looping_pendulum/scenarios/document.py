@@ -14,11 +14,7 @@ from typing import Any
 
 import yaml
 
-from looping_pendulum.errors import ScenarioError
-
-# `as` exports them once more, for readers of files that use this module
-from looping_pendulum.errors import one_line as one_line
-from looping_pendulum.errors import shorten as shorten
+from looping_pendulum.errors import ScenarioError, shorten
 from looping_pendulum.files import read_file
 
 MAX_FILE_SIZE = 64 * 1024

@@ -10,7 +10,7 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
-from looping_pendulum.errors import ParameterError, ScenarioError
+from looping_pendulum.errors import ParameterError, ScenarioError, shorten
 from looping_pendulum.reference_ode import effects as effect_library
 from looping_pendulum.reference_ode.effects.own import effect_of
 from looping_pendulum.reference_ode.parameters import Parameters, Release
@@ -111,7 +111,7 @@ def _not_found(path: Path, shown: str, names: list[str], kind: str) -> str:
     hint = f"did you mean '{near[0]}'? " if near else ""
     shown = shown or "''"
     problem = f"found neither a file nor a shipped {kind} of this name"
-    return f"{document.shorten(shown)}: {problem}; {hint}shipped: {', '.join(names)}"
+    return f"{shorten(shown)}: {problem}; {hint}shipped: {', '.join(names)}"
 
 
 def _scenario(doc: Document, name: str) -> Scenario:

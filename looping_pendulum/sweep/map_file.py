@@ -20,12 +20,12 @@ from pydantic import AfterValidator, Field, model_validator
 
 from looping_pendulum.engines.protocol import Profile
 from looping_pendulum.engines.registry import how_to_get, label, missing_packages, select
-from looping_pendulum.errors import EngineError, HarnessError, ParameterError, ScenarioError
+from looping_pendulum.errors import EngineError, HarnessError, ParameterError, ScenarioError, shorten
 from looping_pendulum.reference_ode.batch import impossible_runs, parameter_values
 from looping_pendulum.reference_ode.geometry import Array
 from looping_pendulum.reference_ode.solve import DURATION
 from looping_pendulum.scenarios import document, loader
-from looping_pendulum.scenarios.document import quote, shorten
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.fields import (
     TEXT,
     DependentField,

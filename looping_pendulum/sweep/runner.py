@@ -12,7 +12,8 @@ from functools import partial
 from itertools import islice
 from pathlib import Path
 
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
+from looping_pendulum.engines import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.errors import EngineError, HarnessError
 from looping_pendulum.processes import POLL_INTERVAL, core_count
 from looping_pendulum.reference_ode.batch import Progress

@@ -22,9 +22,9 @@ from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
 from looping_pendulum.engines.registry import label, select
+from looping_pendulum.errors import shorten
 from looping_pendulum.files import write_atomically
 from looping_pendulum.scenarios import dump
-from looping_pendulum.scenarios.document import shorten
 from looping_pendulum.sweep.cells import ENDING_DESCRIPTIONS, ENDINGS, FIELDS, NOT_YET_RUN, Values, differing_versions, versions
 from looping_pendulum.sweep.map_file import REFERENCE, MapError, MapPlan, Region
 

@@ -32,7 +32,8 @@ from looping_pendulum import __version__
 from looping_pendulum.compare.comparison import compare
 from looping_pendulum.compare.convergence.study import START_CHANGES, changed_starts
 from looping_pendulum.compare.json_text import JsonResult, plain
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, run_isolated
+from looping_pendulum.engines import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import run_isolated
 from looping_pendulum.engines.protocol import Engine, Profile
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import all_engines, engine_facts, label, unknown_engine_message

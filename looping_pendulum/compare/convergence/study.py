@@ -32,7 +32,8 @@ from looping_pendulum.compare.convergence.verdict import RESOLUTION, Refinement,
 from looping_pendulum.compare.metrics import END_TIME_TOLERANCE, rms_until
 from looping_pendulum.compare.result import stored_provenance
 from looping_pendulum.compare.run_cache import RunTask, make_runs, run_key
-from looping_pendulum.engines.isolation import MEMORY_LIMIT, TIME_LIMIT
+from looping_pendulum.engines import MEMORY_LIMIT
+from looping_pendulum.engines.isolation import TIME_LIMIT
 from looping_pendulum.engines.protocol import Engine
 from looping_pendulum.engines.reference import Reference
 from looping_pendulum.engines.registry import label

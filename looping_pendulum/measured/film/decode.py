@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.errors import MissingPackageError, one_line
+from looping_pendulum.errors import MissingPackageError
 from looping_pendulum.files import read_file
 from looping_pendulum.installation import install_command
 from looping_pendulum.measured.clock import frame_grid
@@ -106,7 +106,7 @@ class Survey:
 
 def film_error(path: str, found: str, way_out: str) -> FilmError:
     """Return an error of one line about a film."""
-    return FilmError(one_line(f"{path}: {found}; {way_out}"))
+    return FilmError(f"{path}: {found}; {way_out}")
 
 
 class OpenFilm:

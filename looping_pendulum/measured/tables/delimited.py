@@ -19,7 +19,7 @@ from pathlib import Path
 from looping_pendulum.errors import WayOut
 from looping_pendulum.files import read_file
 from looping_pendulum.measured.observations import DataError
-from looping_pendulum.scenarios.document import one_line, quote
+from looping_pendulum.scenarios.document import quote
 
 LARGEST_FILE = 20 * 1024 * 1024
 """Largest size of a file that is read [bytes]."""
@@ -152,7 +152,7 @@ def data_error(
 ) -> DataError:
     """Return an error about a place in a file: 'clip.csv:7: column x: found ..., needed ...'."""
     where = f"{file}:{line}" if line else file
-    return kind(one_line(f"{where}: {'column ' + column + ': ' if column else ''}{message}"), way_out)
+    return kind(f"{where}: {'column ' + column + ': ' if column else ''}{message}", way_out)
 
 
 def read_bytes(path: str | Path, file: str, largest: int = LARGEST_FILE) -> bytes:

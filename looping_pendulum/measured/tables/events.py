@@ -12,7 +12,7 @@ from pathlib import Path
 
 from looping_pendulum.measured.observations import DataError, Edit, EventObservation, Observations
 from looping_pendulum.measured.tables.delimited import DelimitedText, TableLine, read_bytes, read_text
-from looping_pendulum.scenarios.document import one_line, quote
+from looping_pendulum.scenarios.document import quote
 from looping_pendulum.scenarios.units import UnitError, to_si
 
 DATA_VARIABLE = "LOOPING_PENDULUM_DATA"
@@ -90,7 +90,7 @@ def read_event_table(path: Path, sha256: str | None = None) -> tuple[MeasuredEve
     checksum = hashlib.sha256(raw).hexdigest()
     if sha256 is not None and checksum != sha256.lower():
         message = f"{path}: found SHA-256 {checksum[:12]}..., needed {sha256[:12]}...; it is not the scenario's own table"
-        raise DataError(one_line(message))
+        raise DataError(message)
     return event_table(read_text(raw, str(path), [","]))
 
 

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError, one_line
+from looping_pendulum.errors import IntegrationError, MissingPackageError, ParameterError
 from looping_pendulum.reference_ode.core import wasm
 from looping_pendulum.reference_ode.core.trace import trace
 from looping_pendulum.reference_ode.geometry import Array
@@ -175,7 +175,7 @@ def _failures_in_one_sentence() -> Iterator[None]:
     try:
         yield
     except wasmtime.WasmtimeError as error:
-        why = one_line(" ".join(str(error).split()))
+        why = " ".join(str(error).split())
         message = f"wasmtime, which carries out runs, failed ({why})"
         raise IntegrationError(f"{message}; where memory is limited, allow more, or use fewer threads") from None
 
