@@ -165,18 +165,16 @@ class Search:
         return list(kinds.values())
 
     def _worth_expanding(self) -> list[Explanation]:
-        """Return the explanations to which more is added: those near the best, and the best of each kind.
+        """Return the explanations to which more is added: those near the best, and the best without one of its parts.
 
-        Of a kind with fewer parts than the best has, once that is settled, only those that were hardly worse than the one to
-        which it adds something; while it is not, of every kind, and what leaves least by white noise as well.
+        While the best leaves a misfit, also the best of each kind, and what of it leaves least by white noise.
         """
-        found, best, is_settled = self._near_best(), self.best, self.settled
-        for of_kind in self._by_kind():
-            if not is_settled:
+        parts = [self.fitted.get(self.best.key - {part}) for part in self.best.key]
+        found = [*self._near_best(), *filter(None, parts)]
+        if not self.settled:
+            for of_kind in self._by_kind():
                 # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
                 found += [*of_kind[:BEAM], *sorted(of_kind, key=lambda e: e.fit.cost)[:BEAM]]
-            elif len(of_kind[0].key) < len(best.key):
-                found += [e for e in of_kind[:BEAM] if e.log_posterior > of_kind[0].log_posterior - MARGIN]
         return found
 
     def _fit_without_parts(self) -> None:
