@@ -165,16 +165,19 @@ class Search:
         return list(kinds.values())
 
     def _worth_expanding(self) -> list[Explanation]:
-        """Return the explanations to which more is added: those near the best, and the best without one of its parts.
+        """Return the explanations to which more is added: those near the best, the best without one of its parts, and others.
 
-        While the best leaves a misfit, also the best of each kind, and what of it leaves least by white noise.
+        These are of each kind with fewer parts what explains as much as the best of the kind; while the best of all leaves a
+        misfit, of every kind the best, and what leaves least by white noise as well.
         """
-        parts = [self.fitted.get(self.best.key - {part}) for part in self.best.key]
-        found = [*self._near_best(), *filter(None, parts)]
-        if not self.settled:
-            for of_kind in self._by_kind():
+        found, best, is_settled = self._near_best(), self.best, self.settled
+        found += [part for key in best.key if (part := self.fitted.get(best.key - {key}))]
+        for of_kind in self._by_kind():
+            if not is_settled:
                 # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
                 found += [*of_kind[:BEAM], *sorted(of_kind, key=lambda e: e.fit.cost)[:BEAM]]
+            elif len(of_kind[0].key) < len(best.key):
+                found += [e for e in of_kind[:BEAM] if e.log_posterior > of_kind[0].log_posterior - MARGIN]
         return found
 
     def _fit_without_parts(self) -> None:
@@ -286,11 +289,12 @@ class Search:
         """Return whether an addition is fitted exactly: others than single effects if they may come near the best.
 
         The linear model may be wrong by a share of what there is to be explained, and says nothing of an effect that has no
-        derivative: that is fitted while the best one is not settled. What is then no better than a part of it, is needless.
+        derivative: that is fitted while the best one is not settled, or if that has it, beside what may replace its other
+        parts. What is then no better than a part of it, is needless.
         """
         if a.parts.law is None and len(a.key) == 1:
             return True
-        if len(a.templates) == 1 and a.templates[0].finite and not self.settled:
+        if len(a.templates) == 1 and (t := a.templates[0]).finite and (not self.settled or t.candidate.name in self.best.key):
             return True
         missing = max(self.best.log_z - a.parent.log_z, a.gain, 0.0)
         # The more its parent explains, the less is left to the linear model
