@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import math
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -85,6 +85,11 @@ class Parts:
         if self.law and self.law.name == part:
             return {*self.law.point_coefficients, *self.law.names}
         return {name for c in self.effects if c.name == part for name in (c.name, *(k.name for k in c.companions))}
+
+    def shapes_of(self, part: str) -> list[dict[str, float]]:
+        """Return the initial values [SI] of the companions of a part from which a fit may begin: none where it has none."""
+        shaped = (c for c in self.effects if c.name == part and c.companions)
+        return [{k.name: v for k, v in zip(c.companions, values, strict=True)} for c in shaped for values in c.companion_grid()]
 
 
 def parts_in_words(effects: Iterable[str], law: Closure | None) -> str:
@@ -347,6 +352,18 @@ def fit_without(e: Explanation, part: str) -> Fit | None:
     # What places a law would move the pulses by which other laws are judged
     study = without_law(p.study) if e.parts.law and e.parts.law.name == part else p.study
     return _refit(e.fit, [i for i, n in enumerate(p.names) if n not in dropped], p.data, study)
+
+
+def fit_from(fit: Fit, values: Mapping[str, float]) -> Fit | None:
+    """Fit a model again from where some of its parameters have other ``values`` [SI]; None: it cannot run there."""
+    p = fit.problem
+    start = [
+        (values[n.name] - n.init_value) / n.scale if n.name in values else x
+        for n, x in zip(p.free_parameters, fit.x, strict=True)
+    ]
+    with contextlib.suppress(FitError):
+        return minimise(p, np.array(start), cost_tolerance=enough_cost(fit))
+    return None
 
 
 def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData], study: Study) -> Fit | None:

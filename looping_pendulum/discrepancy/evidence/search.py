@@ -18,6 +18,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Parts,
     explained,
     fit_addition,
+    fit_from,
     fit_to_data,
     fit_without,
     raw,
@@ -72,8 +73,8 @@ class Search:
         self.tried: set[Key] = {NOTHING}
         """What was added in any exact fit, those that could not run included."""
         self._expanded: set[Key] = set()
-        self._dropped: set[tuple[Key, str]] = set()
-        """What was added, and the part that was dropped again."""
+        self._fitted_again: set[tuple[Key, str]] = set()
+        """What was added, and the part that was dropped again, or got other shapes."""
         self.proposed: dict[Key, tuple[float, float]] = {}
         """What is made -> the log evidence of the best parent by whose linear model it was looked at, and its log posterior at
         most."""
@@ -128,7 +129,7 @@ class Search:
     def _go_on(self) -> None:
         """Add to what is near the best whatever may come near it, until nothing new is."""
         while True:
-            self._fit_without_parts()
+            self._fit_again()
             new = [e for e in self._worth_expanding() if e.key not in self._expanded]
             if not new:
                 return
@@ -180,19 +181,24 @@ class Search:
                 found += [e for e in of_kind[:BEAM] if e.log_posterior > of_kind[0].log_posterior - MARGIN]
         return found
 
-    def _fit_without_parts(self) -> None:
-        """Fit what the explanations near the best leave if one of their parts is dropped, begun where they are.
+    def _fit_again(self) -> None:
+        """Fit what is near the best again: without each of its parts, begun where it is, and from other shapes of each.
 
-        Where a misfit is large, a part alone may have ended in another minimum.
+        Where a misfit is large, a part alone may have ended in another minimum, as may what has an effect with a shape.
         """
         for e in self._near_best():
             for part in sorted(e.key):
-                if (e.key, part) not in self._dropped:
-                    self._dropped.add((e.key, part))
-                    refuse_if_time_is_over()
-                    self.report_fit(f"fitting {in_words(e.key)} without {part}")
-                    if fit := fit_without(e, part):
-                        self._add(fit, e.parts.without(part))
+                if (e.key, part) in self._fitted_again:
+                    continue
+                self._fitted_again.add((e.key, part))
+                refuse_if_time_is_over()
+                self.report_fit(f"fitting {in_words(e.key)} without {part}")
+                if fit := fit_without(e, part):
+                    self._add(fit, e.parts.without(part))
+                for shape in e.parts.shapes_of(part):
+                    self.report_fit(f"fitting {in_words(e.key)} from another shape of {part}")
+                    if fit := fit_from(e.fit, shape):
+                        self._add(fit, e.parts)
 
     def _with_noise_of(self, best: Explanation) -> None:
         """Estimate the noise and the outliers beside the best explanation, and fit all that are near it again with these."""
