@@ -223,6 +223,7 @@ def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
         pytest.param(99, "mixed-0032", marks=pytest.mark.accurate),
         pytest.param(100, "mixed-0040", marks=pytest.mark.accurate),
         pytest.param(101, "two-0008", marks=pytest.mark.accurate),
+        pytest.param(102, "mixed-0044", marks=pytest.mark.accurate),
         pytest.param(101, "two-0019", marks=pytest.mark.long),
     ],
 )

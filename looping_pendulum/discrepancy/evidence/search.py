@@ -166,13 +166,13 @@ class Search:
         return list(kinds.values())
 
     def _worth_expanding(self) -> list[Explanation]:
-        """Return the explanations to which more is added: those near the best, the best without one of its parts, and others.
+        """Return the explanations to which more is added: those near the best, every part of these, and others.
 
         These are of each kind with fewer parts what explains as much as the best of the kind; while the best of all leaves a
         misfit, of every kind the best, and what leaves least by white noise as well.
         """
         found, best, is_settled = self._near_best(), self.best, self.settled
-        found += [part for key in best.key if (part := self.fitted.get(best.key - {key}))]
+        found += [e for key, e in self.fitted.items() if any(key < near.key for near in found)]
         for of_kind in self._by_kind():
             if not is_settled:
                 # Errors that last longer than a frame take in what is still missing, so that what is left counts as well
