@@ -224,6 +224,7 @@ def test_unlisted_cases_are_unlisted(tmp_path, name, seed):
         pytest.param(100, "mixed-0040", marks=pytest.mark.accurate),
         pytest.param(101, "two-0008", marks=pytest.mark.accurate),
         pytest.param(102, "mixed-0044", marks=pytest.mark.accurate),
+        pytest.param(103, "two-0005", marks=pytest.mark.accurate),
         pytest.param(101, "two-0019", marks=pytest.mark.long),
     ],
 )

@@ -253,6 +253,11 @@ class Search:
                 self.report_fit(f"fitting {in_words(a.key)}")
                 if fit := fit_addition(a, self._needless_below(a)):
                     self._add(fit, a.parts)
+                    # An effect with a shape has several minima: from where the best has it, too
+                    for shaped in [t.candidate.name for t in a.templates if t.companions and t.candidate.name in self.best.key]:
+                        at = {name: self.best.fit.values[name] for name in a.parts.parameters_of(shaped)}
+                        if again := fit_from(fit, at):
+                            self._add(again, a.parts)
 
     def _needless_below(self, a: Addition) -> float:
         """Return the log posterior with which neither a verdict needs an addition, nor is anything added to it."""
