@@ -354,25 +354,23 @@ def fit_without(e: Explanation, part: str) -> Fit | None:
     return _refit(e.fit, [i for i, n in enumerate(p.names) if n not in dropped], p.data, study)
 
 
-def fit_from(fit: Fit, values: Mapping[str, float]) -> Fit | None:
+def fit_again_at(fit: Fit, values: Mapping[str, float]) -> Fit | None:
     """Fit a model again from where some of its parameters have other ``values`` [SI]; None: it cannot run there."""
     p = fit.problem
     start = [
         (values[n.name] - n.init_value) / n.scale if n.name in values else x
         for n, x in zip(p.free_parameters, fit.x, strict=True)
     ]
-    with contextlib.suppress(FitError):
-        return minimise(p, np.array(start), cost_tolerance=enough_cost(fit))
-    return None
+    return _refit(fit, range(len(start)), p.data, p.study, np.array(start))
 
 
-def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData], study: Study) -> Fit | None:
-    """Fit some of a fit's parameters to other data, from where they were; None: the model cannot run."""
+def _refit(fit: Fit, kept: Sequence[int], data: Sequence[TrialData], study: Study, start: Array | None = None) -> Fit | None:
+    """Fit some of a fit's parameters to other data, from where they were or from ``start``; None: the model cannot run."""
     p = fit.problem
     prior = p.prior_mean[kept], p.prior_weights[np.ix_(kept, kept)]
     try:
         problem = Problem(study, data, [p.free_parameters[i] for i in kept], prior)
-        return minimise(problem, fit.x[kept], cost_tolerance=enough_cost(fit))
+        return minimise(problem, (fit.x if start is None else start)[kept], cost_tolerance=enough_cost(fit))
     except FitError:
         return None
 

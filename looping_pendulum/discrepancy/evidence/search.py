@@ -18,7 +18,7 @@ from looping_pendulum.discrepancy.evidence.explanation import (
     Parts,
     explained,
     fit_addition,
-    fit_from,
+    fit_again_at,
     fit_to_data,
     fit_without,
     raw,
@@ -197,7 +197,7 @@ class Search:
                     self._add(fit, e.parts.without(part))
                 for shape in e.parts.shapes_of(part):
                     self.report_fit(f"fitting {in_words(e.key)} from another shape of {part}")
-                    if fit := fit_from(e.fit, shape):
+                    if fit := fit_again_at(e.fit, shape):
                         self._add(fit, e.parts)
 
     def _with_noise_of(self, best: Explanation) -> None:
@@ -256,7 +256,7 @@ class Search:
                     # An effect with a shape has several minima: from where the best has it, too
                     for shaped in [t.candidate.name for t in a.templates if t.companions and t.candidate.name in self.best.key]:
                         at = {name: self.best.fit.values[name] for name in a.parts.parameters_of(shaped)}
-                        if again := fit_from(fit, at):
+                        if again := fit_again_at(fit, at):
                             self._add(again, a.parts)
 
     def _needless_below(self, a: Addition) -> float:
